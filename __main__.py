@@ -1,0 +1,5 @@
+"""``python -m bim_verify``."""
+
+from .cli import main
+
+raise SystemExit(main())

@@ -1,0 +1,1 @@
+"""The library: no ``bpy``, no prints, no global state."""

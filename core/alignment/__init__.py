@@ -1,0 +1,1 @@
+"""Scan to model: fine and automatic alignment, with covariance and weak directions."""

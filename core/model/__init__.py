@@ -1,0 +1,1 @@
+"""IFC in (elements, tessellation, surface samples) and out (property sets)."""

@@ -1,0 +1,39 @@
+"""Typed options of the jobs, one place for defaults and the reasons for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+AlignMode = Literal["none", "fine", "auto"]
+FusionRule = Literal["station", "dempster", "yager", "dubois-prade"]
+ScanFrame = Literal["auto", "model", "map"]
+
+
+@dataclass(frozen=True)
+class VerifyOptions:
+    """Options of ``jobs.verify``. Lengths in metres."""
+
+    loa: int = 30
+    """Required level of accuracy, 10 to 50."""
+    sigma: float = 0.0025
+    """Standard deviation of one return along its ray at normal incidence, metres (typical terrestrial scanner)."""
+    registration_sigma: float | None = None
+    """Standard deviation of a station's position against the model, metres; None: estimated from the stations' agreement."""
+    align: AlignMode = "none"
+    sample_spacing: float = 0.02
+    """Distance between query positions, metres."""
+    fusion: FusionRule = "station"
+    """``station`` is the product's default (shared error discounted); the others are the named methods of the literature."""
+    preset: str = "derived"
+    """``derived``: kappa, c and lambda from point spacing and sensor sigma; else a named preset of sensing.presets."""
+    scan_frame: ScanFrame = "auto"
+    """Whether the scans are in the model's own frame or in that of its map conversion."""
+    origin: tuple[float, float, float] | None = None
+    """Scanner position for scan files that do not have any, metres, scan frame."""
+    threads: int = 0
+    """0: as many as the machine has."""
+    memory_gb: float = 3.0
+    cache: bool = True
+    """Keep tessellations between runs."""
+    seed: int = 0

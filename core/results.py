@@ -1,0 +1,141 @@
+"""What a verification found. Every face (console, report, property sets, Blender) reads these records and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .model.elements import BuildingModel
+from .model.samples import SurfaceSamples
+from .options import VerifyOptions
+
+Status = Literal["CONFIRMED", "DEVIATING", "ABSENT", "PARTIAL", "NOTOBSERVED"]
+STATUSES: tuple[Status, ...] = ("CONFIRMED", "DEVIATING", "ABSENT", "PARTIAL", "NOTOBSERVED")
+LEVELS = (10, 20, 30, 40, 50)
+
+
+@dataclass(frozen=True)
+class ElementVerdict:
+    """The verdict on one element. Lengths in metres, model frame."""
+
+    global_id: str
+    ifc_class: str
+    name: str
+    storey: str
+    status: Status
+    required_loa: str
+    """``LOA30``"""
+    achieved_loa: str
+    """``LOA10`` ... ``LOA50`` or ``NONE``."""
+    belief_occupied: float
+    belief_empty: float
+    belief_unknown: float
+    conflict: float
+    coverage: float
+    confirmed_ratio: dict[int, float]
+    """Share of the observed samples confirmed at each level, keys 10 ... 50."""
+    sample_count: int
+    observed_count: int
+    area: float
+    """m2 of exposed surface."""
+    deviation_median: float | None
+    """Signed along the outward normal; None where nothing was observed near the surface."""
+    deviation_p95: float | None
+    displacement: float | None
+    """Length of the shift, metres; None where the scan determines no direction."""
+    displacement_vector: tuple[float, float, float] | None
+    displacement_sigma: float | None
+    """One standard deviation along the shift."""
+    significant: bool | None
+    measurement_sigma: float
+    registration_sigma: float
+    reason: str
+    """One or two sentences for a person: how this verdict came about, with the numbers that decided it."""
+    stations: tuple[str, ...] = ()
+    """Names of the stations whose returns are evidence on it."""
+
+
+@dataclass(frozen=True)
+class SampleEvidence:
+    """Per-sample evidence, aligned with ``SurfaceSamples``. NaN where nothing was measured."""
+
+    m_occ: NDArray[np.float32]
+    m_emp: NDArray[np.float32]
+    m_unk: NDArray[np.float32]
+    conflict: NDArray[np.float32]
+    deviation: NDArray[np.float32]
+    """(N,) metres, signed along the outward normal; NaN where no return lies near the surface."""
+    sigma: NDArray[np.float32]
+    """(N,) metres, of the deviation."""
+
+
+@dataclass(frozen=True)
+class AlignmentRecord:
+    """How the scans were brought to the model."""
+
+    mode: str
+    transform: NDArray[np.float64]
+    """(4, 4) scan frame to model frame, metres."""
+    covariance: NDArray[np.float64] | None
+    """(6, 6) of (rx, ry, rz [rad], tx, ty, tz [m]) about ``center``."""
+    center: NDArray[np.float64] | None = None
+    """(3,) model frame."""
+    weakest_direction: str = ""
+    rms: float | None = None
+    inlier_ratio: float | None = None
+
+
+@dataclass(frozen=True)
+class StationRecord:
+    """What one station gave."""
+
+    name: str
+    position: tuple[float, float, float]
+    """Metres, model frame."""
+    returns: int
+    spacing_rad: float
+    """Median angle between neighbouring returns."""
+    registration_sigma: float
+    known: bool
+    source: str = ""
+    acquired: str = ""
+    sensor: str = ""
+
+
+@dataclass(frozen=True)
+class VerificationResult:
+    """Everything that one verification found."""
+
+    model: BuildingModel
+    options: VerifyOptions
+    verdicts: tuple[ElementVerdict, ...]
+    """One per ``model.elements``, same order."""
+    samples: SurfaceSamples
+    evidence: SampleEvidence
+    stations: tuple[StationRecord, ...]
+    alignment: AlignmentRecord
+    scan_paths: tuple[str, ...]
+    scan_date: str
+    method: str
+    """Name and version of the method, as written to the property set."""
+    dropped: dict[str, int] = field(default_factory=dict)
+    timings: dict[str, float] = field(default_factory=dict)
+    """Seconds per stage."""
+    warnings: tuple[str, ...] = ()
+
+    def count(self, status: Status) -> int:
+        """Number of elements with this status."""
+        return sum(v.status == status for v in self.verdicts)
+
+    def summary(self) -> dict[str, Any]:
+        """Counts per status and the observed share, for a one-line answer."""
+        total = sum(v.area for v in self.verdicts)
+        seen = sum(v.area * v.coverage for v in self.verdicts)
+        return {
+            "elements": len(self.verdicts),
+            **{status: self.count(status) for status in STATUSES},
+            "coverage": seen / total if total else 0.0,
+        }

@@ -1,0 +1,1 @@
+"""Scans in: stations, returns, readers and writers of every format."""

@@ -1,0 +1,1 @@
+"""Sensor models, per-return sigma, levels of accuracy and tolerance arithmetic."""

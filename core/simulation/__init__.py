@@ -1,0 +1,1 @@
+"""A terrestrial scanner simulated by ray casting, campaigns with known truth, and the demo house."""
