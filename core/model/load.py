@@ -1,0 +1,252 @@
+"""IFC in: every physical product with a body, as outward-oriented triangles in metres near a local origin."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import multiprocessing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BimVerifyError
+from ..progress import Progress
+from . import tessellation_cache
+from .elements import BuildingModel, Element, MapConversion
+from .orient import orient_outward
+
+NOT_PHYSICAL = (
+    "IfcSpatialElement",
+    "IfcSpatialStructureElement",
+    "IfcFeatureElement",
+    "IfcAnnotation",
+    "IfcGrid",
+    "IfcVirtualElement",
+    "IfcPort",
+    "IfcPositioningElement",
+    "IfcLinearElement",
+    "IfcStructuralItem",
+    "IfcStructuralActivity",
+)
+"""Products that no scanner can see, or that stand for a space; everything else with a body counts."""
+
+LARGEST_SMALL_RADIUS_M = 0.5
+"""The angular deflection is set so that round members up to this radius keep the chord error; beyond it the linear one acts."""
+
+
+def load_model(
+    path: str | Path,
+    *,
+    deflection: float = 0.001,
+    threads: int = 0,
+    cache: bool = True,
+    progress: Progress | None = None,
+) -> BuildingModel:
+    """Read an IFC file (IFC2X3, IFC4, IFC4X3) and tessellate it, or take the tessellation from the cache.
+
+    ``deflection`` is the largest distance of a chord from a curved surface, metres. Openings are cut. The cache is keyed
+    by the file's content, so an unchanged file is never tessellated twice. Raises BimVerifyError when the file cannot be
+    read, is no IFC, or holds no element with a body.
+    """
+    progress = progress or Progress()
+    source = Path(path)
+    content_hash = _hash_file(source)
+    key = tessellation_cache.key(content_hash, deflection)
+    if cache and (found := tessellation_cache.read(key, source)) is not None:
+        progress.update(1.0, "Model read from the tessellation cache")
+        return found
+    model = _tessellate(source, content_hash, deflection, threads or multiprocessing.cpu_count(), progress)
+    if cache:
+        tessellation_cache.write(key, model)
+    return model
+
+
+def open_ifc(path: str | Path) -> Any:
+    """Open an IFC file; one clear sentence when it is none."""
+    import ifcopenshell
+
+    source = Path(path)
+    _check_is_ifc(source)
+    try:
+        file = ifcopenshell.open(str(source))
+    except Exception as error:
+        raise BimVerifyError(f"Cannot read {source} as IFC: {_first_line(error)}. Export it again.") from error
+    if not file.schema.startswith(("IFC2X3", "IFC4")):
+        raise BimVerifyError(f"{source} uses the schema {file.schema}; only IFC2X3, IFC4 and IFC4X3 are supported.")
+    return file
+
+
+def physical_products(file: Any) -> list[Any]:
+    """All products of an open IFC file that have a shape and that a scanner could see, ordered by STEP id."""
+    return sorted(
+        (p for p in file.by_type("IfcProduct") if p.Representation and not _is_any(p, NOT_PHYSICAL)),
+        key=lambda p: p.id(),
+    )
+
+
+def _is_any(product: Any, classes: tuple[str, ...]) -> bool:
+    for name in classes:
+        try:
+            if product.is_a(name):
+                return True
+        except RuntimeError:  # the class does not exist in this schema
+            continue
+    return False
+
+
+def _check_is_ifc(source: Path) -> None:
+    try:
+        with source.open("rb") as stream:
+            head = stream.read(4096)
+    except OSError as error:
+        raise BimVerifyError(f"Cannot read {source}: {error.strerror}. Check the path.") from error
+    if b"ISO-10303-21" not in head:
+        raise BimVerifyError(f"{source} is not an IFC file (no ISO-10303-21 header). Give an .ifc file in STEP form.")
+
+
+def _hash_file(source: Path) -> str:
+    _check_is_ifc(source)
+    digest = hashlib.sha256()
+    with source.open("rb") as stream:
+        while chunk := stream.read(1 << 20):
+            digest.update(chunk)
+    return digest.hexdigest()
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
+
+
+def _tessellate(source: Path, content_hash: str, deflection: float, threads: int, progress: Progress) -> BuildingModel:
+    import ifcopenshell.geom
+    import ifcopenshell.util.unit
+
+    progress.update(0.0, "Reading the model")
+    file = open_ifc(source)
+    products = physical_products(file)
+    if not products:
+        raise BimVerifyError(f"{source} has no physical element with a shape, so there is nothing to verify.")
+    shapes = _run_iterator(file, products, deflection, threads, progress)
+    skipped = tuple(
+        f"{p.is_a()} {p.GlobalId} ({p.Name or 'unnamed'}) has a shape but no body that could be made into a surface."
+        for p in products
+        if p.id() not in shapes
+    )
+    present = [p for p in products if p.id() in shapes]
+    if not present:
+        raise BimVerifyError(f"{source} has no element with a solid or surface body, so there is nothing to verify.")
+    vertices, triangles, owner, origin = _join(present, shapes)
+    triangles, owner, closed = orient_outward(vertices, triangles, owner, len(present))
+    return BuildingModel(
+        path=str(source),
+        content_hash=content_hash,
+        schema=_schema(file),
+        length_unit_m=float(ifcopenshell.util.unit.calculate_unit_scale(file)),
+        origin=origin,
+        elements=tuple(_describe(p) for p in present),
+        vertices=vertices,
+        triangles=triangles,
+        triangle_element=owner,
+        closed=closed,
+        map_conversion=_map_conversion(file),
+        skipped=skipped,
+        project_name=next((p.Name or "" for p in file.by_type("IfcProject")), ""),
+    )
+
+
+def _run_iterator(
+    file: Any, products: list[Any], deflection: float, threads: int, progress: Progress
+) -> dict[int, list[tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]]]:
+    """STEP id -> [(vertices in placement frame, triangles, 4x4 placement)], metres."""
+    import ifcopenshell.geom
+
+    settings = ifcopenshell.geom.settings()
+    settings.set("mesher-linear-deflection", deflection)
+    settings.set("mesher-angular-deflection", 2.0 * math.acos(1.0 - min(deflection / LARGEST_SMALL_RADIUS_M, 1.0)))
+    iterator = ifcopenshell.geom.iterator(settings, file, threads, include=products)
+    shapes: dict[int, list[tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]]] = {}
+    if not iterator.initialize():
+        return shapes
+    while True:
+        shape = iterator.get()
+        triangles = np.array(shape.geometry.faces, dtype=np.int32).reshape(-1, 3)
+        if len(triangles):
+            vertices = np.array(shape.geometry.verts, dtype=np.float64).reshape(-1, 3)
+            placement = np.array(shape.transformation.matrix, dtype=np.float64).reshape(4, 4, order="F")
+            shapes.setdefault(shape.id, []).append((vertices, triangles, placement))
+        progress.update(iterator.progress() / 100.0, f"Making surfaces of {len(products)} elements")
+        if not iterator.next():
+            return shapes
+
+
+def _join(
+    products: list[Any],
+    shapes: dict[int, list[tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]]],
+) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
+    """One vertex and triangle array for all, in the local frame; the origin is the rounded middle of the first corners."""
+    first = np.array([(m @ np.append(v[0], 1.0))[:3] for p in products for v, _, m in shapes[p.id()]])
+    origin = np.round(np.median(first, axis=0))
+    vertices, triangles, owner, base = [], [], [], 0
+    for index, product in enumerate(products):
+        for v, t, m in shapes[product.id()]:
+            vertices.append(v @ m[:3, :3].T + (m[:3, 3] - origin))
+            triangles.append(t + base)
+            owner.append(np.full(len(t), index, dtype=np.int32))
+            base += len(v)
+    return np.concatenate(vertices), np.concatenate(triangles), np.concatenate(owner), origin
+
+
+def _describe(product: Any) -> Element:
+    import ifcopenshell.util.element as util
+
+    container = util.get_container(product)
+    kind = util.get_type(product)
+    return Element(
+        global_id=product.GlobalId,
+        step_id=product.id(),
+        ifc_class=product.is_a(),
+        name=product.Name or "",
+        storey=(container.Name or container.is_a()) if container else "",
+        type_name=(kind.Name or "") if kind else "",
+    )
+
+
+def _schema(file: Any) -> str:
+    return "IFC4X3" if file.schema.startswith("IFC4X3") else str(file.schema)
+
+
+def _map_conversion(file: Any) -> MapConversion | None:
+    """IfcMapConversion (IFC4 and later), offsets in metres whatever the file's unit."""
+    if file.schema.startswith("IFC2X3"):
+        return None
+    import ifcopenshell.util.unit
+
+    unit = float(ifcopenshell.util.unit.calculate_unit_scale(file))
+    for conversion in file.by_type("IfcMapConversion"):
+        crs = conversion.TargetCRS
+        map_unit_m = _map_unit(crs, unit)
+        declared = conversion.Scale if conversion.Scale else map_scale_default(unit, map_unit_m)
+        offset = np.array([conversion.Eastings, conversion.Northings, conversion.OrthogonalHeight or 0.0]) * map_unit_m
+        angle = math.atan2(conversion.XAxisOrdinate or 0.0, conversion.XAxisAbscissa or 1.0)
+        return MapConversion(offset, angle, declared * map_unit_m / unit, (crs.Name or "") if crs else "")
+    return None
+
+
+def map_scale_default(unit_m: float, map_unit_m: float) -> float:
+    """The Scale that turns file units into map units when the file leaves it out."""
+    return unit_m / map_unit_m
+
+
+def _map_unit(crs: Any, unit: float) -> float:
+    import ifcopenshell.util.unit
+
+    map_unit = getattr(crs, "MapUnit", None)
+    if map_unit is None:
+        return unit
+    prefix = ifcopenshell.util.unit.get_prefix_multiplier(getattr(map_unit, "Prefix", None))
+    if map_unit.is_a("IfcConversionBasedUnit"):
+        factor = map_unit.ConversionFactor
+        return float(factor.ValueComponent.wrappedValue)
+    return float(prefix)

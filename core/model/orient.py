@@ -1,0 +1,72 @@
+"""Which side of a triangle is outside."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+
+def orient_outward(
+    vertices: NDArray[np.float64],
+    triangles: NDArray[np.int32],
+    owner: NDArray[np.int32],
+    element_count: int,
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.bool_]]:
+    """Turn closed shells outward; give open sheets both sides.
+
+    A connected shell is closed when every directed edge has its opposite exactly once. Closed shells of negative volume
+    are turned, unless the element's total volume is positive (then they are voids inside it). The sides of an open sheet
+    cannot be told apart, so it is kept twice, once for each side; sampling later drops the side that looks only at itself.
+
+    vertices (V, 3); triangles (T, 3); owner (T,) ascending. Returns triangles (T', 3), owner (T',) ascending, and
+    closed (E,).
+    """
+    area2 = np.linalg.norm(_cross(vertices, triangles), axis=1)
+    keep = area2 > 1e-12
+    triangles, owner = triangles[keep], owner[keep]
+    if not len(triangles):
+        return triangles, owner, np.zeros(element_count, dtype=np.bool_)
+
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).astype(np.int64)
+    graph = coo_array((np.ones(len(edges), dtype=np.int8), (edges[:, 0], edges[:, 1])), shape=(len(vertices),) * 2)
+    shell = connected_components(graph, directed=False)[1][triangles[:, 0]]
+    shell_count = int(shell.max()) + 1
+
+    code = edges[:, 0] * len(vertices) + edges[:, 1]
+    opposite = edges[:, 1] * len(vertices) + edges[:, 0]
+    unique, count = np.unique(code, return_counts=True)
+    at = np.minimum(np.searchsorted(unique, opposite), len(unique) - 1)
+    paired = (unique[at] == opposite) & (count[at] == 1) & (count[np.searchsorted(unique, code)] == 1)
+    loose = np.bincount(np.tile(shell, 3), weights=~paired, minlength=shell_count)
+    shell_closed = loose == 0
+
+    corner = vertices[triangles]
+    reference = np.zeros((shell_count, 3))
+    reference[shell] = corner[:, 0]
+    local = corner - reference[shell][:, None, :]
+    volume6 = np.einsum("ij,ij->i", local[:, 0], np.cross(local[:, 1], local[:, 2]))
+    shell_volume = np.bincount(shell, weights=volume6, minlength=shell_count)
+    shell_owner = np.zeros(shell_count, dtype=np.int64)
+    shell_owner[shell] = owner
+    element_volume = np.bincount(
+        shell_owner, weights=np.where(shell_closed, shell_volume, 0.0), minlength=element_count
+    )
+    turn = shell_closed & (shell_volume < 0) & (element_volume[shell_owner] <= 0)
+
+    turned = triangles.copy()
+    flip = turn[shell]
+    turned[flip] = turned[flip][:, ::-1]
+    open_triangle = ~shell_closed[shell]
+    both = np.concatenate([turned, turned[open_triangle][:, ::-1]])
+    both_owner = np.concatenate([owner, owner[open_triangle]])
+    order = np.argsort(both_owner, kind="stable")
+    closed = np.ones(element_count, dtype=np.bool_)
+    closed[owner[open_triangle]] = False
+    return np.ascontiguousarray(both[order]), both_owner[order], closed
+
+
+def _cross(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:
+    a, b, c = (vertices[triangles[:, i]] for i in range(3))
+    return np.cross(b - a, c - a)

@@ -1,0 +1,92 @@
+"""Ray casting against the planned surface (Embree)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .elements import BuildingModel
+
+RESTART_M = 1e-4
+"""How far behind a hit the search for the next one starts, metres (single-precision Embree at 100 m: 1e-5)."""
+
+
+@dataclass(frozen=True)
+class Hits:
+    """Hits along rays in order of distance, as columns: ``distance[k, i]`` is the k-th hit of ray i."""
+
+    distance: NDArray[np.float32]
+    """(K, N) metres; infinite where there is no such hit."""
+    triangle: NDArray[np.int32]
+    """(K, N) rows of ``model.triangles``; -1 where there is no such hit."""
+    entering: NDArray[np.bool_]
+    """(K, N) the ray meets the outer side (goes into the solid)."""
+
+
+class RayScene:
+    """All triangles of a model, ready for ray casting in its local frame."""
+
+    def __init__(self, model: BuildingModel) -> None:
+        from embreex import rtcore_scene
+        from embreex.mesh_construction import TriangleMesh
+
+        self._scene = rtcore_scene.EmbreeScene()
+        corners = np.ascontiguousarray(model.vertices[model.triangles], dtype=np.float32)
+        self._mesh = TriangleMesh(self._scene, corners)
+        a, b, c = (model.vertices[model.triangles[:, i]] for i in range(3))
+        normal = np.cross(b - a, c - a)
+        self.normal: NDArray[np.float64] = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+        self.element = model.triangle_element
+
+    def first_hit(
+        self, origin: NDArray[np.floating], direction: NDArray[np.floating], reach: NDArray[np.floating] | float = 1e6
+    ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        """Distance (N,) [m] and triangle (N,) of the first hit within ``reach``; inf and -1 where there is none.
+
+        origin (N, 3) metres, direction (N, 3) unit vectors.
+        """
+        count = len(origin)
+        if count == 0:
+            return np.zeros(0, np.float32), np.zeros(0, np.int32)
+        limit = np.broadcast_to(np.asarray(reach, dtype=np.float32), count).copy()
+        out = self._scene.run(
+            np.ascontiguousarray(origin, dtype=np.float32), np.ascontiguousarray(direction, dtype=np.float32),
+            dists=limit, query="INTERSECT", output=True,
+        )
+        triangle = out["primID"].astype(np.int32)
+        return np.where(triangle >= 0, out["tfar"], np.float32(np.inf)), triangle
+
+    def all_hits(
+        self,
+        origin: NDArray[np.floating],
+        direction: NDArray[np.floating],
+        reach: NDArray[np.floating] | float,
+        most: int = 8,
+    ) -> Hits:
+        """Up to ``most`` hits along each ray within ``reach`` metres."""
+        count = len(origin)
+        start = np.asarray(origin, dtype=np.float64)
+        direction = np.asarray(direction, dtype=np.float64)
+        limit = np.broadcast_to(np.asarray(reach, dtype=np.float64), count)
+        distance = np.full((most, count), np.inf, dtype=np.float32)
+        triangle = np.full((most, count), -1, dtype=np.int32)
+        entering = np.zeros((most, count), dtype=np.bool_)
+        alive = np.arange(count)
+        gone = np.zeros(count)
+        for k in range(most):
+            t, tri = self.first_hit(
+                start[alive] + direction[alive] * gone[alive, None], direction[alive], limit[alive] - gone[alive]
+            )
+            hit = tri >= 0
+            alive, t, tri = alive[hit], t[hit], tri[hit]
+            if not len(alive):
+                return Hits(distance[:k], triangle[:k], entering[:k])
+            distance[k, alive] = gone[alive] + t
+            triangle[k, alive] = tri
+            entering[k, alive] = np.einsum("ij,ij->i", direction[alive], self.normal[tri]) < 0
+            gone[alive] += t + RESTART_M
+            inside = gone[alive] < limit[alive]
+            alive = alive[inside]
+        return Hits(distance, triangle, entering)
