@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 BIN_SPACINGS = 2.0
 """Height of a row in point spacings: a few returns a bin."""
 FEWEST_ROWS = 16
+NEIGHBOURS = 12
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -106,15 +107,21 @@ class StationIndex:
         return len(self.row_start) - 1
 
 
-def build_index(offsets: NDArray[np.float64], *, spacing_rad: float | None = None) -> StationIndex:
-    """Index returns (N, 3) given relative to their station [m]. Returns at the station itself must not be among them."""
+def build_index(offsets: NDArray[np.float64], spacing_rad: float | None = None) -> StationIndex:
+    """Index returns (N, 3) given relative to their station [m], none of them at the station itself.
+
+    Without ``spacing_rad`` it is estimated from the returns.
+    """
     offsets = np.ascontiguousarray(offsets, dtype=np.float64)
-    if spacing_rad is None:
-        coarse = _build(offsets, math.sqrt(4.0 * math.pi / max(len(offsets), 1)))
-        spacing_rad = estimate_spacing(coarse)
-        if 0.5 < spacing_rad / coarse.spacing_rad < 2.0:
-            return StationIndex(coarse.returns, coarse.bin_start, coarse.row_start, spacing_rad)
-    return _build(offsets, spacing_rad)
+    if spacing_rad is not None:
+        return _build(offsets, spacing_rad)
+    rough = _build(offsets, math.sqrt(4.0 * math.pi / max(len(offsets), 1)))
+    spacing_rad = median_spacing(neighbour_angles(rough, len(offsets))[1])
+    if not math.isfinite(spacing_rad):
+        return rough
+    if 0.5 < spacing_rad / rough.spacing_rad < 2.0:
+        return StationIndex(rough.returns, rough.bin_start, rough.row_start, spacing_rad)
+    return _build(rough.returns, spacing_rad)
 
 
 def _build(offsets: NDArray[np.float64], spacing_rad: float) -> StationIndex:
@@ -211,14 +218,39 @@ def _neighbour_angles(
     return out
 
 
-def estimate_spacing(index: StationIndex, probes: int = 4000, neighbours: int = 12) -> float:
-    """Median angle [rad] between neighbouring rays: k rays within an angle a stand for pi a^2 / k of solid angle each."""
-    count = len(index.returns)
-    if count <= neighbours:
-        return index.spacing_rad
-    probe = np.linspace(0, count - 1, min(probes, count)).astype(np.int64)
+@njit(cache=True, nogil=True)
+def _hash(p: NDArray[np.uint64]) -> int:
+    h = np.uint64(0x9E3779B97F4A7C15)
+    for k in range(3):
+        h ^= p[k]
+        h *= np.uint64(0xBF58476D1CE4E5B9)
+        h ^= h >> np.uint64(29)
+    return h
+
+
+@njit(cache=True, nogil=True)
+def _probes(bits: NDArray[np.uint64], below: int) -> NDArray[np.bool_]:
+    out = np.zeros(len(bits), np.bool_)
+    for i in range(len(bits)):
+        out[i] = _hash(bits[i]) < below
+    return out
+
+
+def neighbour_angles(index: StationIndex, total: int, probes: int = 4000) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Directions (M, 3) of about ``probes`` returns of the ``total`` of a station, and the spacing [rad] around each.
+
+    k rays within an angle a stand for pi a^2 / k of solid angle each, so the spacing is a sqrt(pi / k). The probes are
+    chosen by a hash of the return itself: neither order nor tiles change them.
+    """
+    share = min(probes / max(total, 1), 1.0)
+    chosen = np.flatnonzero(_probes(index.returns.view(np.uint64), np.uint64(share * (2.0**64 - 2048))))
     angle = _neighbour_angles(
-        probe, index.returns, index.bin_start, index.row_start, 3.0 * index.spacing_rad, neighbours
+        chosen, index.returns, index.bin_start, index.row_start, 3.0 * index.spacing_rad, NEIGHBOURS
     )
-    found = angle[np.isfinite(angle) & (angle > 0)]
-    return float(np.median(found) * math.sqrt(math.pi / neighbours)) if len(found) else index.spacing_rad
+    return index.returns[chosen], angle * math.sqrt(math.pi / NEIGHBOURS)
+
+
+def median_spacing(angles: NDArray[np.float64]) -> float:
+    """Median of the spacings found [rad]; NaN when there are none."""
+    found = angles[np.isfinite(angles) & (angles > 0)]
+    return float(np.median(found)) if len(found) else math.nan
