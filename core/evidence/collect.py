@@ -95,10 +95,9 @@ class StationIndexes:
 
 
 def look(
-    stations: StationIndexes, queries: Queries, scene: RayScene, sensor: SensorModel, explain_within: float,
-    progress: Progress,
+    stations: StationIndexes, queries: Queries, scene: RayScene, sensor: SensorModel, progress: Progress
 ) -> Sightings:
-    """What all stations saw at the queries."""
+    """What all stations saw at the queries, ordered by query and station."""
     parts = []
     for station, index, sector in stations.visit(sensor, progress):
         position = stations.position[station]
@@ -112,8 +111,8 @@ def look(
         parts.append(
             sight(
                 evidence, index, station, position, queries.number[row], queries.position[row], queries.normal[row],
-                queries.element[row], queries.shift[row], scene, sensor.sigma, explain_within,
+                queries.element[row], queries.shift[row], scene,
             )
         )
-    order_free = Sightings.join(parts)
-    return order_free.rows(np.lexsort([order_free.station, order_free.sample]))
+    seen = Sightings.join(parts)
+    return seen.rows(np.lexsort([seen.station, seen.sample]))

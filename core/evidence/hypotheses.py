@@ -21,6 +21,8 @@ def face_groups(normal: NDArray[np.float64], weight: NDArray[np.float64]) -> tup
     free = np.ones(len(normal), dtype=np.bool_)
     while free.any() and len(directions) < MOST_FACES:
         rounded, inverse = np.unique(np.round(normal[free] * 8).astype(np.int64), axis=0, return_inverse=True)
+        if not (weight[free] > 0).any():
+            break
         heaviest = int(np.argmax(np.bincount(inverse.ravel(), weight[free], minlength=len(rounded))))
         seed = normal[free][inverse.ravel() == heaviest].mean(axis=0)
         seed /= np.linalg.norm(seed)

@@ -71,15 +71,12 @@ def sight(
     element: NDArray[np.int32],
     shift: NDArray[np.float64],
     scene: RayScene,
-    sigma: float,
-    explain_within: float,
 ) -> Sightings:
     """Sightings of one station.
 
     position (3,) of the station and query (N, 3) in the local frame, normal (N, 3), element (N,), sample (N,) their
-    numbers. ``shift`` (N, 3) is how far a query stands from its planned place (zero for the plan itself). A return is
-    explained by another element when that element's planned surface, met from outside, is nearer to it along its normal
-    than the query's own surface and not farther than ``explain_within``.
+    numbers. ``shift`` (N, 3) is how far a query stands from its planned place (zero for the plan itself). Nothing is
+    explained yet.
     """
     row = np.flatnonzero(
         (evidence.nearest >= 0) & (evidence.nearest_dy <= VISIBLE_SPACINGS * index.spacing_rad * evidence.distance)
@@ -104,17 +101,6 @@ def sight(
     for triangle, entering in zip(hits.triangle, hits.entering, strict=True):
         on_face |= (triangle >= 0) & entering & (scene.element[triangle] == own)
 
-    explained = np.zeros(len(row), dtype=np.bool_)
-    doubtful = np.flatnonzero(np.abs(deviation) > 3.0 * sigma)
-    if len(doubtful):
-        back = explain_within / GRAZE
-        hits = scene.all_hits(point[doubtful] - back * ray[doubtful], ray[doubtful], 2 * back, most=8)
-        for distance, triangle, entering in zip(hits.distance, hits.triangle, hits.entering, strict=True):
-            other = (triangle >= 0) & entering & (scene.element[triangle] != own[doubtful])
-            facing = np.abs(np.einsum("ij,ij->i", ray[doubtful], scene.normal[triangle]))
-            with np.errstate(invalid="ignore"):
-                away = np.abs(distance - back) * facing
-            explained[doubtful] |= other & (away <= explain_within) & (away + sigma < np.abs(deviation[doubtful]))
     return Sightings(
         sample=sample[row].astype(np.int32),
         station=np.full(len(row), station, dtype=np.int16),
@@ -125,5 +111,37 @@ def sight(
         point=point.astype(np.float32),
         log_masses=np.column_stack([evidence.log_occ[row], evidence.log_emp[row], evidence.log_unk[row]]),
         on_face=on_face,
-        explained=explained,
+        explained=np.zeros(len(row), dtype=np.bool_),
     )
+
+
+def explain(
+    seen: Sightings,
+    own: NDArray[np.int32],
+    stations: NDArray[np.float64],
+    scene: RayScene,
+    sigma: float,
+    within: float,
+) -> NDArray[np.bool_]:
+    """(M,) whether another element accounts for the return better than the query's own.
+
+    own (M,) elements of the queries, stations (S, 3) positions in the local frame. Another element explains a return when
+    its surface in ``scene``, met from outside, is nearer to it along the normal than the query's own surface, and not
+    farther than ``within`` metres.
+    """
+    explained = np.zeros(len(seen), dtype=np.bool_)
+    doubtful = np.flatnonzero((np.abs(seen.deviation) > 3.0 * sigma) & ~seen.explained)
+    if not len(doubtful):
+        return explained
+    point = seen.point[doubtful].astype(np.float64)
+    ray = point - stations[seen.station[doubtful]]
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    back = within / GRAZE
+    hits = scene.all_hits(point - back * ray, ray, 2 * back, most=8)
+    for distance, triangle, entering in zip(hits.distance, hits.triangle, hits.entering, strict=True):
+        other = (triangle >= 0) & entering & (scene.element[triangle] != own[doubtful])
+        facing = np.abs(np.einsum("ij,ij->i", ray, scene.normal[triangle]))
+        with np.errstate(invalid="ignore"):
+            away = np.abs(distance - back) * facing
+        explained[doubtful] |= other & (away <= within) & (away + sigma < np.abs(seen.deviation[doubtful]))
+    return explained

@@ -29,6 +29,8 @@ class Thresholds:
     edges, recesses and fittings."""
     moved_gain: float = 1.5
     """A shifted place must explain this many times more than the planned one."""
+    outline_share: float = 0.4
+    """A surface found elsewhere is not the element when more than this share of its surroundings lies on it too."""
     conflict_cap: float = 0.99
     """Highest belief that a single station can give: one in a hundred returns is not what it seems (mixed pixel,
     reflection, wrong element)."""
