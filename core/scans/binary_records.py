@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from ..errors import BimVerifyError
 from .scan_file import Columns
 
-Table = Mapping[str, NDArray]  # type: ignore[type-arg]
+Table = NDArray | Mapping[str, NDArray]
+"""A structured array, or columns by name."""
 _INTENSITY = ("intensity", "scalar_intensity", "reflectance", "scalar_reflectance", "i")
 _COLORS = (
     ("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"),
@@ -38,7 +39,7 @@ class NamedFields:
         return Columns(x, y, z, intensity=intensity, color=color)
 
 
-def channel_bytes(values: NDArray) -> NDArray[np.uint8]:  # type: ignore[type-arg]
+def channel_bytes(values: NDArray) -> NDArray[np.uint8]:
     """One colour channel as 0 to 255: bytes as they are, 16-bit halved in bits, floats from 0 to 1."""
     kind = values.dtype
     if kind.kind == "f":
@@ -62,8 +63,8 @@ def find_fields(path: Path, names: list[str]) -> NamedFields:
 
 
 def read_binary(
-    path: Path, at: int, count: int, dtype: np.dtype, block_size: int  # type: ignore[type-arg]
-) -> Iterator[NDArray]:  # type: ignore[type-arg]
+    path: Path, at: int, count: int, dtype: np.dtype, block_size: int
+) -> Iterator[NDArray]:
     """Stream ``count`` records from byte ``at``. Raises BimVerifyError when the file ends before."""
     with path.open("rb") as file:
         file.seek(at)
@@ -76,7 +77,7 @@ def read_binary(
             yield block
 
 
-def check_size(path: Path, at: int, count: int, dtype: np.dtype) -> None:  # type: ignore[type-arg]
+def check_size(path: Path, at: int, count: int, dtype: np.dtype) -> None:
     """Raise BimVerifyError when ``count`` records from byte ``at`` do not fit into the file."""
     room = (path.stat().st_size - at) // dtype.itemsize
     if room < count:

@@ -102,7 +102,7 @@ def _coordinates(header: ScanHeader) -> tuple[str, ...]:
 
 
 def _grid(pages: E57Pages, header: ScanHeader) -> Grid | None:
-    """Rows and columns from the index bounds, or, where the file has none, from the largest indices among the points."""
+    """Rows and columns from the index bounds, or, where the file has none, from the largest indices of points."""
     if header.index_bounds is not None:
         low_row, high_row, low_column, high_column = header.index_bounds
         rows, columns = high_row - low_row + 1, high_column - low_column + 1
@@ -114,11 +114,11 @@ def _grid(pages: E57Pages, header: ScanHeader) -> Grid | None:
     return Grid(rows, columns) if rows > 1 and columns > 1 else None
 
 
-def _index(values: dict[str, NDArray], name: str) -> NDArray[np.int32] | None:  # type: ignore[type-arg]
+def _index(values: dict[str, NDArray], name: str) -> NDArray[np.int32] | None:
     return values[name].astype(np.int32) if name in values else None
 
 
-def _color(header: ScanHeader, values: dict[str, NDArray]) -> NDArray[np.uint8] | None:  # type: ignore[type-arg]
+def _color(header: ScanHeader, values: dict[str, NDArray]) -> NDArray[np.uint8] | None:
     """(N, 3) 0 to 255, scaled by the file's colour limits, or else by the limits of the field."""
     if not all(name in values for name in _COLORS):
         return None

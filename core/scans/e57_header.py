@@ -149,7 +149,9 @@ def _index_bounds(scan: ElementTree.Element) -> tuple[int, int, int, int] | None
     if _child(scan, "indexBounds") is None:
         return None
     low_row, high_row, low_column, high_column = (
-        int(_number(scan, f"indexBounds/{axis}{end}", 0.0)) for axis in ("row", "column") for end in ("Minimum", "Maximum")
+        int(_number(scan, f"indexBounds/{axis}{end}", 0.0))
+        for axis in ("row", "column")
+        for end in ("Minimum", "Maximum")
     )
     return low_row, high_row, low_column, high_column
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import struct
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from numba import njit
@@ -81,7 +81,7 @@ class E57Pages:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._file: BinaryIO = path.open("rb")
+        self._file: BufferedReader = path.open("rb")
         try:
             self._read_header()
         except BaseException:
@@ -121,7 +121,7 @@ class E57Pages:
         n_pages = (within + count + PAYLOAD - 1) // PAYLOAD
         raw = np.empty(n_pages * PAGE, np.uint8)
         self._file.seek(first_page * PAGE)
-        if self._file.readinto(memoryview(raw)) != raw.size:  # type: ignore[attr-defined]
+        if self._file.readinto(raw.data) != raw.size:
             raise self.damaged("it became shorter while it was read")
         out = np.empty(n_pages * PAYLOAD - within, np.uint8)
         bad = _strip(raw, raw.view("<u4"), _TABLES, within, out)

@@ -41,7 +41,7 @@ class Field:
     def scaled(self) -> bool:
         return self.scale != 1.0 or self.offset != 0.0
 
-    def column(self, count: int) -> NDArray:  # type: ignore[type-arg]
+    def column(self, count: int) -> NDArray:
         """``count`` values, all at the minimum: what a field of 0 bits holds, and room for any other."""
         if self.kind == "float" or self.scaled:
             return np.full(count, self.minimum * self.scale + self.offset)
@@ -148,7 +148,7 @@ class _Streams:
             (int(self.filled[k]) * 8 - self.bit[k]) // field.bits for k, field in enumerate(self.packed)
         )
 
-    def decode(self, count: int, out: dict[str, NDArray], start: int) -> None:  # type: ignore[type-arg]
+    def decode(self, count: int, out: dict[str, NDArray], start: int) -> None:
         """Write the next ``count`` records to ``out`` from row ``start`` on."""
         for k, field in enumerate(self.packed):
             rows = out[field.name][start : start + count]
@@ -192,7 +192,7 @@ def _data_start(pages: E57Pages, records: Records) -> tuple[int, int]:
 
 def read_records(
     pages: E57Pages, records: Records, names: Sequence[str], block_size: int
-) -> Iterator[dict[str, NDArray]]:  # type: ignore[type-arg]
+) -> Iterator[dict[str, NDArray]]:
     """Stream the named fields of all records in blocks of ``block_size`` (the last is smaller).
 
     Floats and scaled integers come as float64, integers as int64. The arrays are used again for the next block: copy

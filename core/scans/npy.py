@@ -25,16 +25,17 @@ class NpyFile(ScanFile):
         table = self._open(path)
         if table.ndim != 2 or table.shape[1] < 3 or table.dtype.kind not in "fiu":
             raise BimVerifyError(
-                f"{path} holds an array of {table.dtype} with shape {table.shape}, not (N, 3) numbers. Save x y z as rows."
+                f"{path} holds an array of {table.dtype} with shape {table.shape}, not (N, 3) numbers. "
+                "Save x y z as rows."
             )
         self._use = by_content(np.asarray(table[:_SAMPLE_ROWS], np.float64))
         setup = scan_frame_setup(Station(path.stem, np.zeros(3), known=False))
         super().__init__(path, [setup], [len(table)])
 
     @staticmethod
-    def _open(path: Path) -> NDArray:  # type: ignore[type-arg]
+    def _open(path: Path) -> NDArray:
         try:
-            table: NDArray = np.load(path, mmap_mode="r", allow_pickle=False)  # type: ignore[type-arg]
+            table: NDArray = np.load(path, mmap_mode="r", allow_pickle=False)
         except (ValueError, OverflowError, EOFError, SyntaxError) as error:
             raise BimVerifyError(
                 f"{path} is cut off, damaged, or no plain NPY array of numbers. Save it again."

@@ -37,7 +37,7 @@ class _Header:
     at: int
 
     @property
-    def dtype(self) -> np.dtype:  # type: ignore[type-arg]
+    def dtype(self) -> np.dtype:
         """One record; values of a field with several are kept together."""
         return np.dtype(
             [
@@ -85,7 +85,7 @@ class PcdFile(ScanFile):
         if done < header.points:
             raise cut_off(self.path, header.points, done)
 
-    def _tables(self, block_size: int) -> Iterator[NDArray | dict[str, NDArray]]:  # type: ignore[type-arg]
+    def _tables(self, block_size: int) -> Iterator[NDArray | dict[str, NDArray]]:
         header = self._header
         if header.data == "binary":
             yield from read_binary(self.path, header.at, header.points, header.dtype, block_size)
@@ -94,7 +94,7 @@ class PcdFile(ScanFile):
         else:
             yield from self._compressed_tables(block_size)
 
-    def _ascii_tables(self, block_size: int) -> Iterator[dict[str, NDArray]]:  # type: ignore[type-arg]
+    def _ascii_tables(self, block_size: int) -> Iterator[dict[str, NDArray]]:
         header = self._header
         first = np.cumsum([0, *header.counts[:-1]])
         width = sum(header.counts)
@@ -105,7 +105,7 @@ class PcdFile(ScanFile):
                 if not name.startswith("_")
             }
 
-    def _compressed_tables(self, block_size: int) -> Iterator[dict[str, NDArray]]:  # type: ignore[type-arg]
+    def _compressed_tables(self, block_size: int) -> Iterator[dict[str, NDArray]]:
         """All values of one field after another, LZF-packed as a whole: unpacked into a temporary file."""
         header = self._header
         damaged = BimVerifyError(f"{self.path} is cut off or damaged: it cannot be unpacked. Copy or export it again.")
@@ -170,7 +170,7 @@ def _unpack_lzf(packed, plain):  # type: ignore[no-untyped-def]
     return out
 
 
-def _unpack_color(values: NDArray) -> NDArray[np.uint8]:  # type: ignore[type-arg]
+def _unpack_color(values: NDArray) -> NDArray[np.uint8]:
     """(N, 3) from 0x00RRGGBB, kept as an integer or in the bits of a float (as a float's decimal text in ASCII)."""
     if values.dtype.kind == "f":
         bits = np.ascontiguousarray(values, np.float32).view(np.uint32)
@@ -197,7 +197,7 @@ def _read_header(path: Path) -> _Header:
         kinds = tuple(_KINDS[t] + str(int(s)) for t, s in zip(entries["TYPE"], entries["SIZE"], strict=True))
         counts = tuple(int(count) for count in entries.get("COUNT", ["1"] * len(names)))
         width, height = int(entries["WIDTH"][0]), int(entries.get("HEIGHT", ["1"])[0])
-        viewpoint = tuple(float(v) for v in entries.get("VIEWPOINT", "0 0 0 1 0 0 0".split()))
+        viewpoint = tuple(float(v) for v in entries.get("VIEWPOINT", ["0", "0", "0", "1", "0", "0", "0"]))
         points = int(entries.get("POINTS", [str(width * height)])[0])
         data = entries["DATA"][0].lower()
         sane = (

@@ -41,7 +41,7 @@ class ColumnUse:
         return Columns(x, y, z, intensity=intensity, color=color)
 
 
-def as_bytes(color: NDArray, full: float) -> NDArray[np.uint8]:  # type: ignore[type-arg]
+def as_bytes(color: NDArray, full: float) -> NDArray[np.uint8]:
     """Colours from 0 to ``full`` as 0 to 255; what is not finite becomes 0."""
     values = color if full == 255.0 else np.asarray(color, np.float64) * (255.0 / full)
     return np.clip(np.round(np.nan_to_num(values)), 0, 255).astype(np.uint8)

@@ -16,7 +16,8 @@ from .scan_file import Columns, ScanFile, scan_frame_setup
 from .text_rows import TextRows
 
 _TYPES = {
-    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
+    "float": "f4", "double": "f8",
     "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4",
     "float64": "f8",
 }
@@ -32,7 +33,7 @@ class _Element:
     properties: list[tuple[str, str]] = field(default_factory=list)
     has_list: bool = False
 
-    def dtype(self, order: str) -> np.dtype:  # type: ignore[type-arg]
+    def dtype(self, order: str) -> np.dtype:
         return np.dtype([(name, order + kind) for name, kind in self.properties])
 
 
@@ -76,18 +77,19 @@ class PlyFile(ScanFile):
             yield self._fields.columns(table, attributes)
 
     def _ascii_columns(self, block_size: int, attributes: bool) -> Iterator[Columns]:
-        numbers = {name: (k, kind) for k, (name, kind) in enumerate(self._vertex.properties)}
+        numbers = {name: k for k, (name, _) in enumerate(self._vertex.properties)}
+        full = {name: _FULL.get(kind, 255.0) for name, kind in self._vertex.properties}
         width = len(numbers)
         done = 0
         for table in TextRows(self.path).read(self._at, width, width, block_size, self._vertex.count):
             done += len(table)
-            x, y, z = (table[:, numbers[name][0]] for name in self._fields.xyz)
+            x, y, z = (table[:, numbers[name]] for name in self._fields.xyz)
             intensity = color = None
             if attributes and self._fields.intensity:
-                intensity = table[:, numbers[self._fields.intensity][0]].astype(np.float32)
+                intensity = table[:, numbers[self._fields.intensity]].astype(np.float32)
             if attributes and self._fields.rgb:
                 color = np.column_stack(
-                    [as_bytes(table[:, k], _FULL.get(kind, 255.0)) for k, kind in map(numbers.get, self._fields.rgb)]
+                    [as_bytes(table[:, numbers[name]], full[name]) for name in self._fields.rgb]
                 )
             yield Columns(x, y, z, intensity=intensity, color=color)
         if done < self._vertex.count:

@@ -1,4 +1,4 @@
-"""PTS files: a line with the number of points, then x y z [intensity] [red green blue]; again for every further cloud."""
+"""PTS files: a line with the number of points, then x y z [intensity] [red green blue], for each cloud."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ class PtxFile(ScanFile):
         counts: list[int] = []
         at = 0
         while True:
-            lines = []
+            lines: list[str] = []
             while at < self._rows.size and len(lines) < _HEADER_LINES:
                 line, at = self._rows.line(at)
                 if line:

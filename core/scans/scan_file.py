@@ -15,7 +15,7 @@ from ..errors import BimVerifyError
 from .campaign import DropCount, ReturnBlock, Station
 
 ZERO_RANGE_M = 1e-3
-"""A return nearer to the sensor's centre than this is none: no scanner measures there, exporters write missing ones so."""
+"""A return nearer to the scanner than this is none: nothing measures there, and exporters write missing ones so."""
 FAR_M = 1000.0
 """Clouds without a scanner position whose coordinates are larger get a local origin, so that offsets stay small."""
 
@@ -46,7 +46,7 @@ class Setup:
     matrix: NDArray[np.float64]
     shift: NDArray[np.float64]
     zero_range: float
-    """Points nearer to the file's 0, 0, 0 than this (metres) are missing returns; exactly 0, 0, 0 always is one."""
+    """Points nearer to the station than this (metres) are missing returns; 0, 0, 0 in the file always is one."""
 
 
 def sensor_frame_setup(station: Station) -> Setup:
@@ -56,7 +56,8 @@ def sensor_frame_setup(station: Station) -> Setup:
 
 def scan_frame_setup(station: Station) -> Setup:
     """Points given in the scan frame, whatever the station."""
-    return Setup(station, np.eye(3), -np.asarray(station.position, dtype=np.float64), 0.0)
+    zero_range = ZERO_RANGE_M if station.known else 0.0
+    return Setup(station, np.eye(3), -np.asarray(station.position, dtype=np.float64), zero_range)
 
 
 @njit(cache=True, nogil=True)
@@ -76,16 +77,19 @@ def _to_offsets(x, y, z, invalid, matrix, shift, zero_range, offsets, kept):  # 
             n_invalid += 1
             continue
         px, py, pz = x[k], y[k], z[k]
-        range2 = px * px + py * py + pz * pz
+        ox = a * px + b * py + c * pz + sx
+        oy = d * px + e * py + f * pz + sy
+        oz = g * px + h * py + i * pz + sz
+        range2 = ox * ox + oy * oy + oz * oz
         if not np.isfinite(range2):
             n_not_finite += 1
             continue
         if range2 < zero2 or (px == 0.0 and py == 0.0 and pz == 0.0):
             n_zero += 1
             continue
-        offsets[count, 0] = a * px + b * py + c * pz + sx
-        offsets[count, 1] = d * px + e * py + f * pz + sy
-        offsets[count, 2] = g * px + h * py + i * pz + sz
+        offsets[count, 0] = ox
+        offsets[count, 1] = oy
+        offsets[count, 2] = oz
         kept[count] = k
         count += 1
     return count, n_invalid, n_zero, n_not_finite
@@ -163,7 +167,7 @@ class ScanFile(ABC):
         dropped.zero += n_zero
         dropped.not_finite += n_not_finite
 
-        def pick(values: NDArray | None) -> NDArray | None:  # type: ignore[type-arg]
+        def pick(values: NDArray | None) -> NDArray | None:
             return values if values is None or count == len(x) else values[kept[:count]]
 
         return ReturnBlock(
@@ -199,5 +203,5 @@ class ScanFile(ABC):
                 first = self.first_point(index) if self.points_per_station[index] else None
                 far = first is not None and bool(np.abs(first).max() > FAR_M)
                 placed = replace(setup.station, position=np.round(first) if far and first is not None else np.zeros(3))
-            setups.append(replace(scan_frame_setup(placed), zero_range=setup.zero_range))
+            setups.append(scan_frame_setup(placed))
         self.setups = tuple(setups)

@@ -27,6 +27,9 @@ class Dialect:
     decimal: str = "."
 
 
+PLAIN = Dialect()
+
+
 @njit(cache=True, nogil=True)
 def _number(data, at, end, decimal, powers):  # type: ignore[no-untyped-def]
     """The number that fills ``data[at:end]`` (within one unit in the last place up to 22 decimals), and whether it is
@@ -87,7 +90,7 @@ def _number(data, at, end, decimal, powers):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _line(data, at, size):  # type: ignore[no-untyped-def]
-    """(First byte that is no white space, end of line) of the line at ``at``; the end is ``size`` without a line end."""
+    """(First byte that is no white space, end) of the line at ``at``; the end is ``size`` without a line end."""
     end = at
     while end < size and data[end] != 10:
         end += 1
@@ -109,20 +112,18 @@ def _is_row(data, start, end):  # type: ignore[no-untyped-def]
 def _parse(data, size, whole, separator, decimal, need, powers, out):  # type: ignore[no-untyped-def]
     """Fill ``out`` from complete lines (``whole``: the last line needs no end). Columns that are not there are nan.
 
-    Returns (rows, bytes used, lines used, why it stopped). A row is bad if one of its first ``need`` columns is.
+    Returns (rows, bytes used, why it stopped). A row is bad if one of its first ``need`` columns is.
     """
     at = 0
     row = 0
-    lines = 0
     columns = out.shape[1]
     while row < out.shape[0]:
         start, end = _line(data, at, size)
         if end == size and (not whole or at == size):
-            return row, at, lines, 1
+            return row, at, _NEED_MORE
         following = min(end + 1, size)
         if not _is_row(data, start, end):
             at = following
-            lines += 1
             continue
         column = 0
         where = start
@@ -144,19 +145,18 @@ def _parse(data, size, whole, separator, decimal, need, powers, out):  # type: i
                     last -= 1
             value, good = _number(data, where, last, decimal, powers)
             if not good and column < need:
-                return row, at, lines, 2
+                return row, at, _BAD
             out[row, column] = value
             column += 1
             where = stop + 1
         if column < need:
-            return row, at, lines, 2
+            return row, at, _BAD
         while column < columns:
             out[row, column] = np.nan
             column += 1
         row += 1
-        lines += 1
         at = following
-    return row, at, lines, 0
+    return row, at, _OUT_OF_ROOM
 
 
 @njit(cache=True, nogil=True)
@@ -177,7 +177,7 @@ def _skip(data, size, whole, rows):  # type: ignore[no-untyped-def]
 class TextRows:
     """One text file of numbers. Positions are byte positions of the start of a line."""
 
-    def __init__(self, path: Path, dialect: Dialect = Dialect()) -> None:  # noqa: B008
+    def __init__(self, path: Path, dialect: Dialect = PLAIN) -> None:
         self.path = path
         self.dialect = dialect
         self.size = path.stat().st_size
@@ -221,7 +221,9 @@ class TextRows:
         """Rows from ``at`` to the end of the file."""
         return self.skip(at, 2**62)[0]
 
-    def read(self, at: int, columns: int, need: int, block_size: int, rows: int = 2**62) -> Iterator[NDArray[np.float64]]:
+    def read(
+        self, at: int, columns: int, need: int, block_size: int, rows: int = 2**62
+    ) -> Iterator[NDArray[np.float64]]:
         """Stream ``rows`` rows as (N, columns) arrays, N up to ``block_size``, from byte ``at`` on.
 
         The first ``need`` values of every row must be numbers, else BimVerifyError names the row. The array is used
@@ -234,7 +236,7 @@ class TextRows:
         for data, whole, used in self._pieces(at):
             while done < rows:
                 room = out[: min(len(out), rows - done)]
-                count, size, _, why = _parse(
+                count, size, why = _parse(
                     data[used[0] :], data.size - used[0], whole, separator, decimal, need, _POWERS, room
                 )
                 used[0] += size
