@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +14,9 @@ from .campaign import Station
 from .scan_file import Columns, ScanFile, scan_frame_setup
 
 _SAMPLE_POINTS = 100_000
+_COLORS = ("red", "green", "blue")
+_COORDINATES = laspy.DecompressionSelection.base().decompress_z().decompress_flags()
+logging.getLogger("laspy").addHandler(logging.NullHandler())
 
 
 class LasFile(ScanFile):
@@ -49,20 +53,19 @@ class LasFile(ScanFile):
             self._wide_colors = self._colors_exceed_bytes()
 
     @staticmethod
-    def _open(path: Path) -> laspy.LasReader:
+    def _open(path: Path, attributes: bool = True) -> laspy.LasReader:
+        wanted = laspy.DecompressionSelection.all() if attributes else _COORDINATES
         try:
-            return laspy.open(path)
+            return laspy.open(path, decompression_selection=wanted)
+        except OSError:
+            raise
         except Exception as error:  # laspy and its decompressors raise many kinds
-            raise BimVerifyError(f"{path} cannot be read as LAS or LAZ ({error}). Copy or export it again.") from error
+            why = " ".join(str(error).split())[:100]
+            raise BimVerifyError(f"{path} cannot be read as LAS or LAZ ({why}). Copy or export it again.") from error
 
-    def _colors_exceed_bytes(self) -> bool:
-        with self._open(self.path) as reader:
-            points = reader.read_points(_SAMPLE_POINTS)
-            return bool(max(int(points[name].max()) for name in ("red", "green", "blue")) > 255)
-
-    def columns(self, station: int, block_size: int, attributes: bool) -> Iterator[Columns]:
+    def _points(self, block_size: int, attributes: bool) -> Iterator[laspy.ScaleAwarePointRecord]:
         done = 0
-        with self._open(self.path) as reader:
+        with self._open(self.path, attributes) as reader:
             while done < self.point_count:
                 try:
                     points = reader.read_points(min(block_size, self.point_count - done))
@@ -71,16 +74,24 @@ class LasFile(ScanFile):
                 if len(points) == 0:
                     raise self._cut_off(done)
                 done += len(points)
-                intensity = color = None
-                if attributes:
-                    intensity = np.asarray(points["intensity"], np.float32)
-                if attributes and self._has_color:
-                    rgb = np.column_stack([np.asarray(points[name]) for name in ("red", "green", "blue")])
-                    color = (rgb >> 8 if self._wide_colors else np.minimum(rgb, 255)).astype(np.uint8)
-                yield Columns(
-                    np.asarray(points.x), np.asarray(points.y), np.asarray(points.z),
-                    invalid=np.asarray(points["withheld"]).astype(np.uint8), intensity=intensity, color=color,
-                )
+                yield points
+
+    def _colors_exceed_bytes(self) -> bool:
+        points = next(self._points(_SAMPLE_POINTS, True))
+        return max(int(points[name].max()) for name in _COLORS) > 255
+
+    def columns(self, station: int, block_size: int, attributes: bool) -> Iterator[Columns]:
+        for points in self._points(block_size, attributes):
+            intensity = color = None
+            if attributes:
+                intensity = np.asarray(points["intensity"], np.float32)
+            if attributes and self._has_color:
+                rgb = np.column_stack([np.asarray(points[name]) for name in _COLORS])
+                color = (rgb >> 8 if self._wide_colors else np.minimum(rgb, 255)).astype(np.uint8)
+            yield Columns(
+                np.asarray(points.x), np.asarray(points.y), np.asarray(points.z),
+                invalid=np.asarray(points["withheld"]).astype(np.uint8), intensity=intensity, color=color,
+            )
 
     def _cut_off(self, done: int) -> BimVerifyError:
         return BimVerifyError(

@@ -36,7 +36,9 @@ class NpyFile(ScanFile):
     def _open(path: Path) -> NDArray:
         try:
             table: NDArray = np.load(path, mmap_mode="r", allow_pickle=False)
-        except (ValueError, OverflowError, EOFError, SyntaxError) as error:
+        except OSError:
+            raise
+        except Exception as error:  # a broken header makes NumPy raise many kinds
             raise BimVerifyError(
                 f"{path} is cut off, damaged, or no plain NPY array of numbers. Save it again."
             ) from error

@@ -51,7 +51,7 @@ def by_name(names: Sequence[str]) -> ColumnUse | None:
     """From column names of any case; None without x, y and z."""
     found: dict[str, int] = {}
     for number, name in enumerate(names):
-        meaning = _NAMES.get(name.strip().strip("\"'").lstrip("/#").split("[")[0].split("(")[0].strip().lower())
+        meaning = _NAMES.get(name.strip().strip("\"'").split("[")[0].split("(")[0].strip().lower())
         if meaning:
             found.setdefault(meaning, number)
     if not {"x", "y", "z"} <= found.keys():

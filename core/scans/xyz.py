@@ -76,7 +76,7 @@ def _find_first_row(path: Path) -> tuple[TextRows, int, ColumnUse | None]:
         words = split_line(line, dialect)
         if len(words) >= 3 and all(is_number(word, dialect.decimal) for word in words[:3]):
             return TextRows(path, dialect), at, names
-        names = by_name(words) or names
+        names = by_name(split_line(line.lstrip("/#% "), dialect)) or names
         at = following
     raise BimVerifyError(
         f"{path} holds no rows of x y z. Give a scan file (E57, LAS, LAZ, PLY, PCD, PTS, PTX, XYZ, CSV, NPY)."
