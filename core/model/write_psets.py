@@ -1,4 +1,4 @@
-"""IFC out: the property set ``BimVerify_Verification`` on every verified element, in the file's own schema and units."""
+"""IFC out: the property set ``BimVerify_Verification`` on every verified element, in the file's schema and units."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def _find(file: Any, global_id: str, step_id: int) -> Any | None:
 
 
 def _own_set(file: Any, product: Any) -> Any | None:
-    """The element's own BimVerify set, tidied so that editing it touches nothing else; extra and shared ones detached."""
+    """The element's own BimVerify set, safe to edit without touching anything else; extra and shared ones detached."""
     import ifcopenshell.api.pset
 
     own = None
