@@ -47,7 +47,7 @@ BELIEF_COLORS: dict[str, RGB] = {name: _rgb(code) for name, code in BELIEF_HEX.i
 """Occupied green, empty red, unknown blue-grey."""
 
 DEVIATION_STOPS = (
-    "#053a7a", "#1f6cb4", "#5fa5d4", "#b0d3e8", "#ebebe6", "#f3c39e", "#e2864f", "#bb4a1c", "#7a1f05",
+    "#0a468c", "#2a76ba", "#5fa5d4", "#b0d3e8", "#ebebe6", "#f3c39e", "#e2864f", "#c4531f", "#9a3208",
 )  # fmt: skip
 """Equally spaced from minus to plus the limit: blue behind the planned surface, orange-brown in front of it."""
 UNMEASURED: RGB = _rgb("#94a0b4")

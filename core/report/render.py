@@ -13,7 +13,7 @@ from ..model.elements import BuildingModel
 from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from .camera import Camera
-from .palette import from_linear, to_bytes, to_linear
+from .palette import UNMEASURED, from_linear, to_bytes, to_linear
 from .section import cut_mask
 
 SUPERSAMPLE = 2
@@ -173,7 +173,9 @@ class SamplePixels:
         color = np.zeros((height * width, 3), dtype=np.float32)
         for k in range(self.row.shape[1]):
             color[self.pixel] += self.weight[:, [k]] * linear[self.row[:, k]]
-        return _grow(color.reshape(height, width, 3), self.view.element[MIDDLE, MIDDLE], self.view.element)
+        pixels = _grow(color.reshape(height, width, 3), self.view.element[MIDDLE, MIDDLE], self.view.element)
+        pixels[self.view.cut] = to_linear(UNMEASURED)
+        return pixels
 
 
 def shade_view(
