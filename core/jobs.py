@@ -20,6 +20,7 @@ from .evidence.registration import estimate_registration_sigma
 from .evidence.thresholds import Thresholds
 from .model.elements import BuildingModel
 from .model.load import load_model
+from .model.on_element import ElementSurfaces
 from .model.raycast import RayScene
 from .model.sample_surface import sample_surface
 from .model.samples import SurfaceSamples
@@ -57,7 +58,7 @@ def verify_source(
         )
         explain = min(bound, thresholds.explain_within) + 2 * options.sigma
         window = max(bound, thresholds.window_floor) + 3 * options.sigma
-        scenery = Scenery(model, samples, stations, scene, sensor, explain)
+        scenery = Scenery(model, samples, stations, scene, ElementSurfaces(model), sensor, explain)
         seen = scenery.look(scenery.plan_queries(), progress.part(0.4, 0.8))
         lap("gather the evidence")
         registration = estimate_registration_sigma(seen, samples, options.sigma, window)

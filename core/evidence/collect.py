@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..model.raycast import RayScene
+from ..model.on_element import ElementSurfaces
 from ..progress import Progress
 from ..scans.store import ReturnStore
 from .gather import CUT, LEAST_RANGE_M, SensorModel, gather
@@ -26,6 +26,7 @@ class Queries:
     position: NDArray[np.float64]
     normal: NDArray[np.float64]
     element: NDArray[np.int32]
+    triangle: NDArray[np.int32]
     shift: NDArray[np.float64]
 
 
@@ -95,7 +96,7 @@ class StationIndexes:
 
 
 def look(
-    stations: StationIndexes, queries: Queries, scene: RayScene, sensor: SensorModel, progress: Progress
+    stations: StationIndexes, queries: Queries, surfaces: ElementSurfaces, sensor: SensorModel, progress: Progress
 ) -> Sightings:
     """What all stations saw at the queries, ordered by query and station."""
     parts = []
@@ -111,7 +112,7 @@ def look(
         parts.append(
             sight(
                 evidence, index, station, position, queries.number[row], queries.position[row], queries.normal[row],
-                queries.element[row], queries.shift[row], scene,
+                queries.element[row], queries.triangle[row], queries.shift[row], surfaces,
             )
         )
     seen = Sightings.join(parts)

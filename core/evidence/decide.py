@@ -84,7 +84,8 @@ def propose(seen: Sightings, local: NDArray[np.int64], samples: SurfaceSamples, 
     if len(seen) == 0:
         return np.zeros((0, 3))
     usable = seen.on_face & ~seen.explained
-    weight = sighting_area(seen, samples.area[local]) * seen.on_face
+    tells = seen.on_face & ~(seen.explained & (seen.deviation > 0))
+    weight = sighting_area(seen, samples.area[local]) * tells
     return candidate_shifts(seen.deviation, samples.normal[local], weight, usable, 0.6 * context.window)
 
 

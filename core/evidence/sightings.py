@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..model.on_element import ElementSurfaces
 from ..model.raycast import RayScene
 from .gather import StationEvidence
 from .station_index import StationIndex
@@ -40,7 +41,7 @@ class Sightings:
     on_face: NDArray[np.bool_]
     """(M,) the ray meets the query's own element where it is planned, not the air beside its edge."""
     explained: NDArray[np.bool_]
-    """(M,) the planned surface of another element lies closer to the return than the query's own."""
+    """(M,) another planned surface lies closer to the return than the query's own."""
 
     def __len__(self) -> int:
         return len(self.sample)
@@ -69,13 +70,14 @@ def sight(
     query: NDArray[np.float64],
     normal: NDArray[np.float64],
     element: NDArray[np.int32],
+    triangle: NDArray[np.int32],
     shift: NDArray[np.float64],
-    scene: RayScene,
+    surfaces: ElementSurfaces,
 ) -> Sightings:
     """Sightings of one station.
 
-    position (3,) of the station and query (N, 3) in the local frame, normal (N, 3), element (N,), sample (N,) their
-    numbers. ``shift`` (N, 3) is how far a query stands from its planned place (zero for the plan itself). Nothing is
+    position (3,) of the station and query (N, 3) in the local frame, normal (N, 3), element and triangle (N,), sample
+    (N,) their numbers. ``shift`` (N, 3) is how far a query stands from its planned place (zero for the plan itself). Nothing is
     explained yet.
     """
     row = np.flatnonzero(
@@ -88,18 +90,13 @@ def sight(
     n, q = normal[row], query[row]
     level = np.einsum("ij,ij->i", point - q, n)
     deviation = evidence.deviation[row]
-    own = element[row]
 
     slope = np.einsum("ij,ij->i", ray, n)
     to_plane = np.einsum("ij,ij->i", q - position, n) / np.where(np.abs(slope) < 1e-6, -1e-6, slope)
     crossing = np.where(
-        (level < -ON_FACE_M)[:, None], position + ray * to_plane[:, None], point - level[:, None] * n
+        (np.abs(level) > ON_FACE_M)[:, None], position + ray * to_plane[:, None], point - level[:, None] * n
     )
-    foot = crossing - shift[row]
-    hits = scene.all_hits(foot + ON_FACE_M * n, -n, 2 * ON_FACE_M, most=4)
-    on_face = np.zeros(len(row), dtype=np.bool_)
-    for triangle, entering in zip(hits.triangle, hits.entering, strict=True):
-        on_face |= (triangle >= 0) & entering & (scene.element[triangle] == own)
+    on_face = surfaces.contains(crossing - shift[row], n, element[row], triangle[row], ON_FACE_M)
 
     return Sightings(
         sample=sample[row].astype(np.int32),
@@ -117,17 +114,17 @@ def sight(
 
 def explain(
     seen: Sightings,
-    own: NDArray[np.int32],
     stations: NDArray[np.float64],
     scene: RayScene,
     sigma: float,
     within: float,
+    but_not: NDArray[np.int32] | None = None,
 ) -> NDArray[np.bool_]:
-    """(M,) whether another element accounts for the return better than the query's own.
+    """(M,) whether another surface accounts for the return better than the query's own.
 
-    own (M,) elements of the queries, stations (S, 3) positions in the local frame. Another element explains a return when
-    its surface in ``scene``, met from outside, is nearer to it along the normal than the query's own surface, and not
-    farther than ``within`` metres.
+    stations (S, 3) positions in the local frame. A surface in ``scene``, of another element or another face of the same
+    one, explains a return when the ray meets it from outside, it is nearer to the return along its normal than the
+    query's own surface, and not farther than ``within`` metres. ``but_not`` (M,) names an element that does not count.
     """
     explained = np.zeros(len(seen), dtype=np.bool_)
     doubtful = np.flatnonzero((np.abs(seen.deviation) > 3.0 * sigma) & ~seen.explained)
@@ -139,9 +136,11 @@ def explain(
     back = within / GRAZE
     hits = scene.all_hits(point - back * ray, ray, 2 * back, most=8)
     for distance, triangle, entering in zip(hits.distance, hits.triangle, hits.entering, strict=True):
-        other = (triangle >= 0) & entering & (scene.element[triangle] != own[doubtful])
+        met = (triangle >= 0) & entering
+        if but_not is not None:
+            met &= scene.element[triangle] != but_not[doubtful]
         facing = np.abs(np.einsum("ij,ij->i", ray, scene.normal[triangle]))
         with np.errstate(invalid="ignore"):
             away = np.abs(distance - back) * facing
-        explained[doubtful] |= other & (away <= within) & (away + sigma < np.abs(seen.deviation[doubtful]))
+        explained[doubtful] |= met & (away <= within) & (away + sigma < np.abs(seen.deviation[doubtful]))
     return explained

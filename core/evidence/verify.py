@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..model.elements import BuildingModel
+from ..model.on_element import ElementSurfaces
 from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
@@ -29,6 +30,7 @@ class Scenery:
     samples: SurfaceSamples
     stations: StationIndexes
     scene: RayScene
+    surfaces: ElementSurfaces
     sensor: SensorModel
     explain_within: float
 
@@ -40,15 +42,22 @@ class Scenery:
         """All exposed samples at their planned places."""
         row = np.flatnonzero(self.samples.exposed)
         s = self.samples
-        return Queries(row, s.position[row], s.normal[row], s.element[row], np.zeros((len(row), 3)))
+        return Queries(row, s.position[row], s.normal[row], s.element[row], s.triangle[row], np.zeros((len(row), 3)))
 
     def look(self, queries: Queries, progress: Progress) -> Sightings:
         """Sightings with what the plan explains."""
-        return look(self.stations, queries, self.scene, self.sensor, progress)
+        return look(self.stations, queries, self.surfaces, self.sensor, progress)
 
-    def explain(self, seen: Sightings, element: NDArray[np.int32], scene: RayScene) -> Sightings:
-        """The same sightings, with the returns that other elements of ``scene`` explain."""
-        found = explain(seen, element, self.station_positions, scene, self.sensor.sigma, self.explain_within)
+    def explain(self, seen: Sightings, element: NDArray[np.int32], as_built: RayScene | None) -> Sightings:
+        """The same sightings, with the returns that other surfaces explain.
+
+        These are all planned surfaces and, where some elements were found moved, what those others look like as built;
+        an element's own moved surface explains nothing, since it is what is looked for. ``element`` (M,) of the queries.
+        """
+        known = self.station_positions, self.sensor.sigma, self.explain_within
+        found = explain(seen, known[0], self.scene, *known[1:])
+        if as_built is not None:
+            found |= explain(seen, known[0], as_built, *known[1:], but_not=element)
         return Sightings(**{**vars(seen), "explained": seen.explained | found})
 
 
@@ -60,9 +69,9 @@ def places(
     Two rounds: the second knows which elements were found moved or absent, so that what a moved slab explains is no
     longer taken for its neighbours.
     """
-    element = scenery.samples.element
-    seen = scenery.explain(seen, element[seen.sample], scenery.scene)
-    plans, best = _round(scenery, seen, context, (scenery.scene,), progress.part(0.0, 0.5))
+    element = scenery.samples.element[seen.sample]
+    seen = scenery.explain(seen, element, None)
+    plans, best = _round(scenery, seen, context, None, progress.part(0.0, 0.5))
     moved = [k for k, place in enumerate(best) if place is not plans[k] or place.share < context.thresholds.absent_share]
     if not moved:
         return plans, best
@@ -70,12 +79,12 @@ def places(
     for k in moved:
         shift[k] = best[k].fit.vector if best[k] is not plans[k] else np.nan
     as_built = RayScene(scenery.model, shift)
-    seen = scenery.explain(seen, element[seen.sample], as_built)
-    return _round(scenery, seen, context, (scenery.scene, as_built), progress.part(0.5, 1.0))
+    seen = scenery.explain(seen, element, as_built)
+    return _round(scenery, seen, context, as_built, progress.part(0.5, 1.0))
 
 
 def _round(
-    scenery: Scenery, seen: Sightings, context: Context, scenes: tuple[RayScene, ...], progress: Progress
+    scenery: Scenery, seen: Sightings, context: Context, as_built: RayScene | None, progress: Progress
 ) -> tuple[list[Place], list[Place]]:
     samples = scenery.samples
     count = len(scenery.model.elements)
@@ -90,13 +99,13 @@ def _round(
         asked += [(e, shift) for shift in propose(part, local, samples, plans[e], context)]
     if not asked:
         return plans, plans
-    others = _probe(scenery, asked, first, scenes, context, progress)
+    others = _probe(scenery, asked, first, as_built, context, progress)
     return plans, [choose(plans[e], others.get(e, []), context) for e in range(count)]
 
 
 def _probe(
     scenery: Scenery, asked: list[tuple[int, NDArray[np.float64]]], first: NDArray[np.int64],
-    scenes: tuple[RayScene, ...], context: Context, progress: Progress,
+    as_built: RayScene | None, context: Context, progress: Progress,
 ) -> dict[int, list[Place]]:
     """Assess the shifted places asked for."""
     samples = scenery.samples
@@ -119,11 +128,11 @@ def _probe(
         position=np.concatenate([samples.position[sample] + shifts[ask_of[: len(sample)]], *(p for p, _ in around)]),
         normal=np.concatenate([samples.normal[sample], *(n for _, n in around)]),
         element=np.array([e for e, _ in asked], dtype=np.int32)[ask_of],
+        triangle=np.concatenate([samples.triangle[sample], samples.triangle[sample[start[ask_of[len(sample) :]]]]]),
         shift=shifts[ask_of],
     )
     seen = scenery.look(queries, progress)
-    for scene in scenes:
-        seen = scenery.explain(seen, queries.element[seen.sample], scene)
+    seen = scenery.explain(seen, queries.element[seen.sample], as_built)
     found: dict[int, list[Place]] = {}
     for k, (e, shift) in enumerate(asked):
         a, b = np.searchsorted(seen.sample, [start[k], start[k + 1]])
