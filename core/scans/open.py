@@ -178,7 +178,7 @@ class Campaign:
             sum(count.not_finite for count in counts),
         )
 
-    def blocks(self, block_size: int = 1_000_000, *, attributes: bool = False) -> Iterator[ReturnBlock]:
+    def blocks(self, block_size: int = 262_144, *, attributes: bool = False) -> Iterator[ReturnBlock]:
         return read_ahead(lambda: self._read(block_size, attributes))
 
     def _read(self, block_size: int, attributes: bool) -> Iterator[ReturnBlock]:

@@ -134,7 +134,7 @@ class ScanFile(ABC):
         Coordinates and flags may be written over by the next block; attributes belong to the receiver.
         """
 
-    def blocks(self, block_size: int = 1_000_000, *, attributes: bool = False) -> Iterator[ReturnBlock]:
+    def blocks(self, block_size: int = 262_144, *, attributes: bool = False) -> Iterator[ReturnBlock]:
         """See :class:`~.campaign.ScanSource`. Raises BimVerifyError when the file is damaged or no return is left."""
         if block_size < 1:
             raise ValueError("block_size must be at least 1")
