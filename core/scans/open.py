@@ -183,10 +183,5 @@ class Campaign:
 
     def _read(self, block_size: int, attributes: bool) -> Iterator[ReturnBlock]:
         for file, index in zip(self._files, self._index, strict=True):
-            try:
-                for block in file.blocks(block_size, attributes=attributes):
-                    yield replace(block, station=index[block.station])
-            except OSError as error:
-                raise BimVerifyError(
-                    f"Cannot read {file.path}: {error.strerror or error}. Check that it is still there."
-                ) from error
+            for block in file.blocks(block_size, attributes=attributes):
+                yield replace(block, station=index[block.station])

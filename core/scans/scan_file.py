@@ -144,11 +144,16 @@ class ScanFile(ABC):
         for index in range(len(self.setups)):
             if self.points_per_station[index] == 0:
                 continue
-            for columns in self.columns(index, block_size, attributes):
-                block = self._returns(index, columns, kept, dropped)
-                if len(block.offsets):
-                    returns += len(block.offsets)
-                    yield block
+            try:
+                for columns in self.columns(index, block_size, attributes):
+                    block = self._returns(index, columns, kept, dropped)
+                    if len(block.offsets):
+                        returns += len(block.offsets)
+                        yield block
+            except OSError as error:
+                raise BimVerifyError(
+                    f"Cannot read {self.path}: {error.strerror or error}. Check that it is still there."
+                ) from error
         if returns == 0:
             raise BimVerifyError(
                 f"{self.path} holds no valid return ({dropped.invalid} invalid, {dropped.zero} at zero, "
