@@ -13,7 +13,7 @@ from .errors import BimVerifyError
 from .evidence import decide
 from .evidence.collect import StationIndexes
 from .evidence.decide import Context
-from .evidence.verify import Scenery, places
+from .evidence.verify import Scenery, looks_through_glass, places, with_glass
 from .evidence.fuse_samples import fuse_samples
 from .evidence.gather import SensorModel
 from .evidence.registration import estimate_registration_sigma
@@ -60,6 +60,8 @@ def verify_source(
         window = max(bound, thresholds.window_floor) + 3 * options.sigma
         scenery = Scenery(model, samples, stations, scene, ElementSurfaces(model), sensor, explain)
         seen = scenery.look(scenery.plan_queries(), progress.part(0.4, 0.8))
+        see_through = looks_through_glass(scenery, seen, window)
+        seen = with_glass(scenery, seen, samples.triangle[seen.sample], see_through)
         lap("gather the evidence")
         registration = estimate_registration_sigma(seen, samples, options.sigma, window)
         context = Context(
@@ -70,7 +72,7 @@ def verify_source(
             thresholds.conflict_cap, options.sigma, window,
         )
         lap("fuse")
-        plans, best = places(scenery, seen, context, progress.part(0.85, 1.0))
+        plans, best = places(scenery, seen, context, see_through, progress.part(0.85, 1.0))
         first = np.searchsorted(samples.element, np.arange(len(model.elements) + 1))
         verdicts = [
             decide.conclude(e, model, samples, slice(int(first[e]), int(first[e + 1])), evidence, plans[e], best[e], context)

@@ -122,7 +122,8 @@ def conclude(
     ratio, achieved = _levels(deviation[measured], evidence.sigma[rows][exposed][measured], area[measured],
                               seen_area, context)
     vector, sigma, length, significant = _test(best.fit, context)
-    status, reason = _status(plan, best, whole, seen_area, ratio[context.loa], length, bound, context)
+    standing = _standing_shares(number, model, rows, samples, t)
+    status, reason = _status(plan, best, whole, seen_area, ratio[context.loa], length, bound, standing, context)
     if status in ("ABSENT", "NOTOBSERVED"):
         vector = sigma = length = significant = None
     if status in ("ABSENT", "NOTOBSERVED", "DEVIATING") and best is not plan or status in ("ABSENT", "NOTOBSERVED"):
@@ -140,6 +141,18 @@ def conclude(
         measurement_sigma=context.sigma, registration_sigma=context.registration_sigma,
         reason=reason, stations=tuple(context.station_names[s] for s in best.stations),
     )
+
+
+GLAZED = ("IfcWindow", "IfcDoor", "IfcCurtainWall", "IfcRoofLight")
+"""Classes that usually hold panes, marked as glass or not."""
+
+
+def _standing_shares(number: int, model: BuildingModel, rows: slice, samples: SurfaceSamples, t: Thresholds) -> tuple[float, float]:
+    """(absent up to this share at the place, present from this share on)."""
+    pane_unmarked = model.elements[number].ifc_class.startswith(GLAZED) and not (
+        model.transparent[samples.triangle[rows]].any()
+    )
+    return (t.glazed_share, t.glazed_share) if pane_unmarked else (t.absent_share, t.present_share)
 
 
 def _mean(values: NDArray[np.float32], area: NDArray[np.float64]) -> float:
@@ -196,7 +209,7 @@ def _test(
 
 def _status(
     plan: Place, best: Place, whole: float, seen_area: float, ratio: float, length: float | None, bound: float,
-    context: Context,
+    standing: tuple[float, float], context: Context,
 ) -> tuple[Status, str]:
     t = context.thresholds
     share = seen_area / max(whole, 1e-12)
@@ -210,12 +223,13 @@ def _status(
         return "NOTOBSERVED", "Other elements touch or enclose its whole surface, so no scanner can see it."
     if share < t.least_seen_share or plan.sightings < t.least_sightings:
         return "NOTOBSERVED", f"Only {share:.1%} of its exposed surface was in view of a station; that is no evidence."
-    if plan.share <= t.absent_share:
+    absent_up_to, present_from = standing
+    if plan.share <= absent_up_to:
         return "ABSENT", (
             f"Rays passed through {1 - plan.share:.0%} of the {share:.0%} of its surface that was in view, "
             "and it was not found nearby."
         )
-    if plan.share < t.present_share:
+    if plan.share < present_from:
         return "PARTIAL", f"{plan.share:.0%} of what was in view is at its place; rays passed through the rest."
     if length is not None and length > bound:
         return "DEVIATING", f"It stands {mm} from its planned place; {label(context.loa)} allows {1000 * bound:.0f} mm."

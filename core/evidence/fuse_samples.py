@@ -29,7 +29,7 @@ def fuse_samples(
     ``station`` fuses the returns of a station by Dempster's rule, discounts the outcome by the station's shared error and
     fuses the stations by Dempster's rule. The named rules fuse all returns of all stations at once.
     """
-    own = sightings.rows(sightings.on_face)
+    own = sightings.rows(sightings.on_face & ~(sightings.glass & (sightings.deviation < -window)))
     logs = own.log_masses
     if rule == "station":
         masses, inner = from_log_commonality(logs[:, 0], logs[:, 1], logs[:, 2])
@@ -39,9 +39,7 @@ def fuse_samples(
     total = np.column_stack([np.bincount(own.sample, logs[:, k], minlength=count) for k in range(3)])
     fused, conflict = from_log_commonality(total[:, 0], total[:, 1], total[:, 2])
     if rule == "station":
-        worst = np.zeros(count)
-        np.maximum.at(worst, own.sample, inner * (own.cosine > 0.5))
-        conflict = np.maximum(conflict, worst * 0.0)
+        pass
     elif RULES[rule] is not RULES["dempster"]:
         fused = fused * (1.0 - conflict[:, None])
         fused[:, 2] += conflict

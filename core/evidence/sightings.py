@@ -12,8 +12,8 @@ from ..model.raycast import RayScene
 from .gather import StationEvidence
 from .station_index import StationIndex
 
-BEYOND, AT, FRONT = 0, 1, 2
-"""The return lies behind the query (its ray passed through), on its surface, or before it (and hides it)."""
+BEYOND, AT, FRONT, THROUGH_GLASS = 0, 1, 2, 3
+"""The return lies behind the query (its ray passed through), on its surface, before it (and hides it), or behind glass."""
 ON_FACE_M = 0.005
 """Depth within which the foot of a return must meet its own element's surface: sagitta of round members, chord error."""
 VISIBLE_SPACINGS = 1.1
@@ -36,6 +36,8 @@ class Sightings:
     distance: NDArray[np.float32]
     point: NDArray[np.float32]
     """(M, 3) the nearest return."""
+    glass: NDArray[np.bool_]
+    """(M,) the query lies on glass that this campaign looks through: a ray that passes is no evidence."""
     log_masses: NDArray[np.float64]
     """(M, 3) sums of log(m_occ + m_unk), log(m_emp + m_unk), log(m_unk) over the station's returns."""
     on_face: NDArray[np.bool_]
@@ -49,7 +51,8 @@ class Sightings:
     def state(self, window: float) -> NDArray[np.uint8]:
         """(M,) BEYOND, AT or FRONT, for a planned surface that may be off by ``window`` metres along its normal."""
         own = (np.abs(self.deviation) <= window) & ~self.explained
-        return np.where(own, AT, np.where(self.deviation < 0, BEYOND, FRONT)).astype(np.uint8)
+        passed = np.where(self.glass, THROUGH_GLASS, BEYOND)
+        return np.where(own, AT, np.where(self.deviation < 0, passed, FRONT)).astype(np.uint8)
 
     def rows(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Sightings:
         """A subset."""
@@ -109,6 +112,7 @@ def sight(
         log_masses=np.column_stack([evidence.log_occ[row], evidence.log_emp[row], evidence.log_unk[row]]),
         on_face=on_face,
         explained=np.zeros(len(row), dtype=np.bool_),
+        glass=np.zeros(len(row), dtype=np.bool_),
     )
 
 

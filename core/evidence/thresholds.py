@@ -24,9 +24,12 @@ class Thresholds:
     """It is absent when no more than this share of what was seen of it is at its place; between the two it is partial."""
     partial_coverage: float = 0.2
     """Less of the exposed surface in view supports no verdict on the whole element: partial."""
-    uniform_share: float = 0.8
-    """Share of the observed positions within the required level for the element to be confirmed; one in five may fail at
-    edges, recesses and fittings."""
+    uniform_share: float = 0.7
+    """Share of the observed positions within a level for the element to reach it; the rest may fail at edges, recesses,
+    fittings and where a neighbour begins (on slender members most positions are near an edge)."""
+    glazed_share: float = 0.08
+    """A window or door whose panes are not marked as glass stands when this share of what was seen of it is at its place:
+    a slender frame around a pane that rays pass."""
     moved_gain: float = 1.5
     """A shifted place must explain this many times more than the planned one."""
     outline_share: float = 0.4

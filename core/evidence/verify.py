@@ -16,7 +16,7 @@ from .collect import Queries, StationIndexes, look
 from .decide import Context, Place, assess_place, choose, propose, sighting_area
 from .gather import SensorModel
 from .outline import RING_M, ring
-from .sightings import Sightings, explain
+from .sightings import AT, BEYOND, Sightings, explain
 
 MOST_PROBES = 1500
 """Query positions of an element that test a shifted place: shares to a few percent."""
@@ -61,8 +61,23 @@ class Scenery:
         return Sightings(**{**vars(seen), "explained": seen.explained | found})
 
 
+def with_glass(scenery: Scenery, seen: Sightings, triangle: NDArray[np.int32], see_through: bool) -> Sightings:
+    """The same sightings, knowing which queries (their ``triangle`` (M,)) lie on glass the scanner looked through."""
+    return Sightings(**{**vars(seen), "glass": scenery.model.transparent[triangle] & see_through})
+
+
+def looks_through_glass(scenery: Scenery, seen: Sightings, window: float) -> bool:
+    """Whether this campaign's rays pass planned glass more often than they return from it.
+
+    Some scanners and incidence angles give returns on panes; then a pane that is not there is as absent as a wall.
+    """
+    pane = seen.on_face & scenery.model.transparent[scenery.samples.triangle[seen.sample]]
+    state = seen.state(window)[pane]
+    return bool(np.sum(state == BEYOND) > np.sum(state == AT))
+
+
 def places(
-    scenery: Scenery, seen: Sightings, context: Context, progress: Progress
+    scenery: Scenery, seen: Sightings, context: Context, see_through: bool, progress: Progress
 ) -> tuple[list[Place], list[Place]]:
     """For each element its planned place and the place that fits best.
 
@@ -71,7 +86,7 @@ def places(
     """
     element = scenery.samples.element[seen.sample]
     seen = scenery.explain(seen, element, None)
-    plans, best = _round(scenery, seen, context, None, progress.part(0.0, 0.5))
+    plans, best = _round(scenery, seen, context, None, see_through, progress.part(0.0, 0.5))
     moved = [k for k, place in enumerate(best) if place is not plans[k] or place.share < context.thresholds.absent_share]
     if not moved:
         return plans, best
@@ -80,7 +95,7 @@ def places(
         shift[k] = best[k].fit.vector if best[k] is not plans[k] else np.nan
     as_built = RayScene(scenery.model, shift)
     seen = scenery.explain(seen, element, as_built)
-    return _round(scenery, seen, context, as_built, progress.part(0.5, 1.0))
+    return _round(scenery, seen, context, as_built, see_through, progress.part(0.5, 1.0))
 
 
 def _round(
@@ -99,13 +114,13 @@ def _round(
         asked += [(e, shift) for shift in propose(part, local, samples, plans[e], context)]
     if not asked:
         return plans, plans
-    others = _probe(scenery, asked, first, as_built, context, progress)
+    others = _probe(scenery, asked, first, as_built, see_through, context, progress)
     return plans, [choose(plans[e], others.get(e, []), context) for e in range(count)]
 
 
 def _probe(
     scenery: Scenery, asked: list[tuple[int, NDArray[np.float64]]], first: NDArray[np.int64],
-    as_built: RayScene | None, context: Context, progress: Progress,
+    as_built: RayScene | None, see_through: bool, context: Context, progress: Progress,
 ) -> dict[int, list[Place]]:
     """Assess the shifted places asked for."""
     samples = scenery.samples
@@ -133,6 +148,7 @@ def _probe(
     )
     seen = scenery.look(queries, progress)
     seen = scenery.explain(seen, queries.element[seen.sample], as_built)
+    seen = with_glass(scenery, seen, queries.triangle[seen.sample], see_through)
     found: dict[int, list[Place]] = {}
     for k, (e, shift) in enumerate(asked):
         a, b = np.searchsorted(seen.sample, [start[k], start[k + 1]])
