@@ -59,10 +59,14 @@ class DropCount:
     """Points that were read and are no returns."""
 
     invalid: int = 0
-    """Marked invalid by the file (E57 invalid state)."""
+    """Marked invalid by the file (E57 invalid state, LAS withheld flag)."""
     zero: int = 0
     """At the scanner's own centre (0, 0, 0 in the sensor frame, as some exporters write a missing return)."""
     not_finite: int = 0
+
+    @property
+    def total(self) -> int:
+        return self.invalid + self.zero + self.not_finite
 
 
 class ScanSource(Protocol):
@@ -84,6 +88,9 @@ class ScanSource(Protocol):
         """Filled while ``blocks`` is read to its end; each full read starts it anew."""
         ...
 
-    def blocks(self, block_size: int = 1_000_000) -> Iterator[ReturnBlock]:
-        """Stream all returns, at most ``block_size`` at a time, in the file's order; may be called again."""
+    def blocks(self, block_size: int = 1_000_000, *, attributes: bool = False) -> Iterator[ReturnBlock]:
+        """Stream all returns, at most ``block_size`` at a time, in the file's order; may be called again.
+
+        Only offsets are read unless ``attributes`` asks for intensity, colour, row and column too.
+        """
         ...
