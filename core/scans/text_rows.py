@@ -32,8 +32,10 @@ PLAIN = Dialect()
 
 @njit(cache=True, nogil=True)
 def _number(data, at, end, decimal, powers):  # type: ignore[no-untyped-def]
-    """The number that fills ``data[at:end]`` (within one unit in the last place up to 22 decimals), and whether it is
-    one; nan and inf of any spelling count as numbers and give nan."""
+    """The number that fills ``data[at:end]``, and whether it is one; nan and inf of any spelling are, and give nan.
+
+    Right to two units in the last place (relative 4.4e-16) up to 22 decimals, to a few beyond.
+    """
     negative = False
     if at < end and (data[at] == 43 or data[at] == 45):
         negative = data[at] == 45

@@ -27,6 +27,10 @@ _ROWS = 262_144
 _NAMESPACE = uuid.UUID("5b0f2c0e-6b0b-5c3c-9a8a-0f4e57b1d0c5")
 _COLORS = ("colorRed", "colorGreen", "colorBlue")
 _AXES = ("cartesianX", "cartesianY", "cartesianZ")
+_BUFFER_TYPES = {
+    **dict.fromkeys(_COLORS, np.uint8), "intensity": np.float32, "rowIndex": np.longlong, "columnIndex": np.longlong,
+}
+"""The library takes a C long for 32 bits, so indices go through long long."""
 
 
 class _Spool:
@@ -131,6 +135,11 @@ def _guid(image: Any, what: str, digest: Any) -> Any:
     return libe57.StringNode(image, "{" + str(uuid.uuid5(_NAMESPACE, what + digest.hexdigest())).upper() + "}")
 
 
+def _string(image: Any, text: str) -> Any:
+    """Text without control characters, which XML cannot hold."""
+    return libe57.StringNode(image, "".join(c if c.isprintable() else " " for c in text))
+
+
 def _structure(image: Any, values: dict[str, float | int]) -> Any:
     node = libe57.StructureNode(image)
     for name, value in values.items():
@@ -144,9 +153,9 @@ def _write_scan(image: Any, scans: Any, number: int, spool: _Spool, scaled_integ
     scan = libe57.StructureNode(image)
     scans.append(scan)
     scan.set("guid", _guid(image, f"{number} {station.name} {station.position} {station.rotation}", spool.digest))
-    scan.set("name", libe57.StringNode(image, station.name))
+    scan.set("name", _string(image, station.name))
     if station.sensor:
-        scan.set("sensorModel", libe57.StringNode(image, station.sensor))
+        scan.set("sensorModel", _string(image, station.sensor))
     if station.acquired:
         moment = _structure(image, {"dateTimeValue": iso_to_gps(station.acquired), "isAtomicClockReferenced": 0})
         scan.set("acquisitionStart", moment)
@@ -205,8 +214,7 @@ def _write_points(image: Any, scan: Any, spool: _Spool, names: Sequence[str], sc
     buffers = libe57.VectorSourceDestBuffer()
     arrays = {}
     for name in names:
-        kind = spool.dtype[name] if spool.dtype is not None else np.dtype(np.float64)
-        arrays[name] = np.zeros(size, kind)
+        arrays[name] = np.zeros(size, _BUFFER_TYPES.get(name, np.float64))
         buffers.append(libe57.SourceDestBuffer(image, name, arrays[name], size, True, True))
     writer = points.writer(buffers)
     for rows in spool.read():

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import laspy
 import numpy as np
-from bim_verify.core.scans.campaign import Grid, ReturnBlock, ScanSource, Station
+from bim_verify.core.scans.campaign import ReturnBlock, ScanSource, Station
 from bim_verify.core.scans.e57_header import quaternion_to_matrix
 from numpy.typing import NDArray
 
@@ -166,8 +166,7 @@ def write_pcd(path: Path, cloud: Cloud, data: str, *, height: int = 1, viewpoint
     header = pcd_header(data, len(table) // height, height, viewpoint)
     if data == "ascii":
         rows = "\n".join(
-            " ".join(repr(float(v)) for v in (row["x"], row["y"], row["z"], row["rgb"], *row["normal"], row["intensity"]))
-            for row in table
+            " ".join(repr(float(v)) for v in (*row.tolist()[:4], *row["normal"], row["intensity"])) for row in table
         )
         path.write_text(header + rows + "\n")
     elif data == "binary":
@@ -194,6 +193,3 @@ def ptx_scan(cloud: Cloud, place: Station, columns: int, missing: NDArray[np.boo
         else:
             rows.append(" ".join([*(f"{v:.9f}" for v in point), f"{i:.0f}", *(str(c) for c in rgb)]))
     return "\n".join(head + rows) + "\n"
-
-
-GRID = Grid(rows=20, columns=25)
