@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +14,27 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ..files import whole_file
+from ..errors import BimVerifyError
+from ..files import check_writable, whole_file
 from ..model.elements import BuildingModel
 from ..model.sample_surface import sample_surface
+from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..scans.campaign import ReturnBlock, Station
 from ..scans.write_e57 import write_e57
 from .scanner import PRESETS, Scanner, scan_bands
 from .scene import Edit, Glass, Prop, Scene, Unevenness, build_scene, thinnest_axis
 from .stand_points import choose_stations, find_stand_points, near_walls, pick_spread
-from .witness import StationView, Witness, witness
+from .witness import StationView, Witness, planned_area
 
 SHIFTS_M = (0.003, 0.008, 0.012, 0.02, 0.035, 0.06, 0.12)
+SAMPLE_SPACING_M = 0.25
+MOST_SIGHT_POINTS = 40_000
+"""Surface points that stations are chosen for."""
+LEAST_EXPOSED_M2 = 0.02
+"""Elements that show less are not edited: nobody could tell."""
+FILE_RESOLUTION_M = 1e-5
+"""Of the coordinates in the E57: far below any scanner's noise."""
 ACQUIRED = "2024-05-14T09:00:00"
 """Date of a simulated campaign: fixed, so that the same seed writes the same file."""
 
@@ -57,30 +67,24 @@ class Campaign:
     pose_noise: tuple[float, float] = (0.0, 0.0)
     glass: Glass = "opaque"
     unevenness: Unevenness | None = None
-    _scene: list[Scene] = field(default_factory=list, repr=False)
 
-    @property
+    @cached_property
     def scene(self) -> Scene:
         """As built, with clutter."""
-        if not self._scene:
-            self._scene.append(
-                build_scene(
-                    self.model, self.edits, self.props,
-                    seed=self.seed, glass=self.glass, unevenness=self.unevenness,
-                )
-            )
-        return self._scene[0]
+        return build_scene(
+            self.model, self.edits, self.props, seed=self.seed, glass=self.glass, unevenness=self.unevenness
+        )
 
 
 @dataclass(frozen=True)
-class CampaignTruth:
-    """What ``write_campaign`` wrote, and what is true of it."""
+class WrittenCampaign:
+    """What was written, and what is true of it."""
 
     scan_path: Path
-    truth_path: Path
+    truth_path: Path | None
     returns: int
-    elements: dict[str, dict[str, Any]]
-    """GlobalId -> the record of truth.json."""
+    truth: dict[str, Any]
+    """The content of truth.json; empty when no truth was asked for."""
 
 
 def make_campaign(
@@ -105,20 +109,27 @@ def make_campaign(
     ``stations`` None: as many as it takes to see most of what can be seen. ``pose_noise`` is (sigma_t [m], sigma_rot
     [rad]) per axis of the recorded poses. ``unevenness`` [m] is the standard deviation of smooth bumps of all surfaces.
     """
-    edits = choose_edits(model, seed=seed, remove_share=remove_share, shift_share=shift_share, shifts_m=shifts_m)
-    bare = build_scene(model, edits, seed=seed)
-    props = place_props(model, bare, seed=seed, boxes=clutter, people=people)
+    samples = sample_surface(model, SAMPLE_SPACING_M)
+    edits = choose_edits(
+        model, samples, seed=seed, remove_share=remove_share, shift_share=shift_share, shifts_m=shifts_m
+    )
+    props = place_props(model, build_scene(model, edits, seed=seed), seed=seed, boxes=clutter, people=people)
     scene = build_scene(model, edits, props, seed=seed)
     stands = find_stand_points(model, scene, seed=seed)
     if not len(stands.position):
-        raise ValueError("the model leaves no room for a scanner")
-    samples = sample_surface(model, 0.25)
-    weight = np.where(samples.exposed, np.sqrt(samples.area), 0.0)
-    chosen = choose_stations(scene, stands, samples.position, samples.normal, weight, stations=stations)
+        raise BimVerifyError(f"{model.path} leaves no free place for a scanner; give the stations' positions instead.")
+    shown = np.flatnonzero(samples.exposed)
+    if len(shown) > MOST_SIGHT_POINTS:
+        shown = np.random.default_rng((seed, 6)).choice(shown, MOST_SIGHT_POINTS, replace=False)
+    chosen = choose_stations(
+        scene, stands, samples.position[shown], samples.normal[shown], np.sqrt(samples.area[shown]), stations=stations
+    )
     return Campaign(
         model=model,
         scanner=scanner or PRESETS["fast"],
-        set_ups=tuple(set_up(f"station {i}", stands.position[row], seed, i, pose_noise) for i, row in enumerate(chosen)),
+        set_ups=tuple(
+            set_up(f"station {i}", stands.position[row], seed, i, pose_noise) for i, row in enumerate(chosen)
+        ),
         edits=edits,
         props=props,
         seed=seed,
@@ -132,7 +143,7 @@ def set_up(
     name: str, position: NDArray[np.float64], seed: int, index: int, pose_noise: tuple[float, float] = (0.0, 0.0),
     rotation: NDArray[np.float64] | None = None,
 ) -> SetUp:
-    """A levelled set-up with a random heading (unless ``rotation`` is given), its recorded pose off by ``pose_noise``."""
+    """A levelled set-up with a random heading (unless ``rotation`` is given); its recorded pose off by the noise."""
     random = np.random.default_rng((seed, 2, index))
     heading = random.uniform(0, 2 * math.pi)
     if rotation is None:
@@ -144,13 +155,18 @@ def set_up(
 
 
 def choose_edits(
-    model: BuildingModel, *, seed: int, remove_share: float, shift_share: float, shifts_m: Sequence[float]
+    model: BuildingModel,
+    samples: SurfaceSamples,
+    *,
+    seed: int,
+    remove_share: float,
+    shift_share: float,
+    shifts_m: Sequence[float],
 ) -> dict[int, Edit]:
     """Which elements were not built, and which were built elsewhere: among those that could be seen at all."""
     random = np.random.default_rng((seed, 3))
-    samples = sample_surface(model, 0.25)
     exposed = np.bincount(samples.element, weights=samples.area * samples.exposed, minlength=len(model.elements))
-    could_be_seen = random.permutation(np.flatnonzero(exposed > 0.02))
+    could_be_seen = random.permutation(np.flatnonzero(exposed > LEAST_EXPOSED_M2))
     removed = round(remove_share * len(could_be_seen))
     shifted = round(shift_share * len(could_be_seen))
     edits: dict[int, Edit] = {int(row): Edit("remove") for row in could_be_seen[:removed]}
@@ -173,15 +189,14 @@ def place_props(model: BuildingModel, scene: Scene, *, seed: int, boxes: int, pe
     order = random.permutation(len(floor))
     by_wall = order[distance[order] < 3.0]
     props: list[Prop] = []
-    for row in by_wall[list(pick_spread(floor[by_wall], boxes, 0.8))]:
+    for row in by_wall[pick_spread(floor[by_wall], boxes, 0.8)]:
         size = random.uniform([0.2, 0.2, 0.3], [0.7, 0.7, 1.4])
         yaw = math.atan2(towards[row, 1], towards[row, 0]) + random.normal(0.0, 0.05)
         gap = random.uniform(0.02, 0.25)
         to_wall = max(distance[row] - size[0] / 2 - gap, 0.0)
         middle = floor[row] + to_wall * towards[row] + [0.0, 0.0, size[2] / 2 + 0.002]
         props.append(Prop(f"new{len(props)}", "box", _triple(middle), _triple(size), yaw))
-    standing = order[list(pick_spread(floor[order], people, 1.2))]
-    for row in standing:
+    for row in order[pick_spread(floor[order], people, 1.2)]:
         tall = random.uniform(1.6, 1.9)
         size = np.array([random.uniform(0.28, 0.36), random.uniform(0.45, 0.55), tall])
         middle = floor[row] + [0.0, 0.0, tall / 2 + 0.002]
@@ -189,7 +204,7 @@ def place_props(model: BuildingModel, scene: Scene, *, seed: int, boxes: int, pe
     return tuple(props)
 
 
-def write_campaign(campaign: Campaign, folder: str | Path, *, progress: Progress | None = None) -> CampaignTruth:
+def write_campaign(campaign: Campaign, folder: str | Path, *, progress: Progress | None = None) -> WrittenCampaign:
     """Scan, and write ``scan.e57`` and ``truth.json`` into ``folder`` (made if missing)."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -198,30 +213,38 @@ def write_campaign(campaign: Campaign, folder: str | Path, *, progress: Progress
 
 def scan_to_files(
     campaign: Campaign, scan_path: str | Path, truth_path: str | Path | None, *, progress: Progress | None = None
-) -> CampaignTruth:
-    """Scan, write the E57 and (if a path is given) the truth."""
-    recorder = _Recorder(campaign, progress or Progress())
-    write_e57(scan_path, recorder.stations(), recorder.blocks())
-    seen = witness(campaign.model, campaign.scene, campaign.edits, recorder.views, campaign.scanner)
-    truth = truth_record(campaign, seen, recorder)
+) -> WrittenCampaign:
+    """Scan, write the E57 and (if a path is given) the truth. One station at a time is in memory.
+
+    Raises BimVerifyError when nothing comes back to any station, or a file cannot be written.
+    """
+    recorder = _Recorder(campaign, progress or Progress(), with_truth=truth_path is not None)
+    for path in (scan_path, truth_path):
+        if path is not None:
+            check_writable(path)
+    write_e57(scan_path, recorder.stations(), recorder.blocks(), scaled_integer_m=FILE_RESOLUTION_M)
+    truth = recorder.truth()
     if truth_path is not None:
         with whole_file(truth_path) as temporary:
             temporary.write_text(json.dumps(truth, indent=1), encoding="utf-8")
-    return CampaignTruth(
-        Path(scan_path), Path(truth_path) if truth_path else Path(), int(recorder.hits.sum()), truth["elements"]
-    )
+    return WrittenCampaign(Path(scan_path), Path(truth_path) if truth_path else None, recorder.returns, truth)
 
 
 class _Recorder:
     """Scans the stations one after the other and keeps what the truth needs of the returns."""
 
-    def __init__(self, campaign: Campaign, progress: Progress) -> None:
+    def __init__(self, campaign: Campaign, progress: Progress, *, with_truth: bool) -> None:
         self.campaign = campaign
         self.progress = progress
-        self.views: list[StationView] = []
         self.hits = np.zeros(len(campaign.scene.names), dtype=np.int64)
-        self.returns = 0
         self.mixed = 0
+        self.witness = (
+            Witness(campaign.model, campaign.scene, campaign.edits, campaign.scanner) if with_truth else None
+        )
+
+    @property
+    def returns(self) -> int:
+        return int(self.hits.sum())
 
     def stations(self) -> tuple[Station, ...]:
         campaign = self.campaign
@@ -239,74 +262,81 @@ class _Recorder:
 
     def blocks(self) -> Iterator[ReturnBlock]:
         campaign = self.campaign
-        self.views.clear()
-        self.hits[:] = 0
-        rows = campaign.scanner.grid.rows
+        grid = campaign.scanner.grid
         for index, setup in enumerate(campaign.set_ups):
-            view = StationView.empty(setup.position, setup.rotation, campaign.scanner.grid)
-            self.views.append(view)
+            view = StationView.empty(setup.position, setup.rotation, grid) if self.witness else None
             seed = int(np.random.default_rng((campaign.seed, 5, index)).integers(2**31))
             for band in scan_bands(campaign.scene, setup.position, setup.rotation, campaign.scanner, seed):
-                view.record(band)
+                if not len(band):
+                    continue
+                if view is not None:
+                    view.record(band)
                 self.hits += np.bincount(band.owner, minlength=len(self.hits))
-                self.returns += len(band)
                 self.mixed += int(band.mixed.sum())
-                done = (index + (band.row[-1] + 1) / rows if len(band) else index) / len(campaign.set_ups)
+                done = (index + (int(band.row[-1]) + 1) / grid.rows) / len(campaign.set_ups)
                 self.progress.update(done, f"Scanning from {setup.name}")
-                if len(band):
-                    yield ReturnBlock(
-                        station=index,
-                        offsets=band.offset @ setup.recorded_rotation.T,
-                        intensity=band.intensity,
-                        row=band.row,
-                        column=band.column,
-                    )
+                yield ReturnBlock(
+                    station=index,
+                    offsets=band.offset @ setup.recorded_rotation.T,
+                    intensity=band.intensity,
+                    row=band.row,
+                    column=band.column,
+                )
+            if self.witness is not None and view is not None:
+                self.witness.add(view)
+        if self.returns == 0:
+            raise BimVerifyError(
+                f"No station sees anything of {campaign.model.path}; positions are metres in the model's own frame."
+            )
 
-
-def truth_record(campaign: Campaign, seen: Witness, recorder: _Recorder) -> dict[str, Any]:
-    """The content of truth.json; positions in the model frame."""
-    model, origin = campaign.model, campaign.model.origin
-    elements = {}
-    for row, element in enumerate(model.elements):
-        edit = campaign.edits.get(row)
-        elements[element.global_id] = {
-            "cls": element.ifc_class,
-            "edit": edit.kind if edit else "none",
-            "offset": edit.offset if edit else 0.0,
-            "direction": list(edit.direction) if edit else [0, 0, 0],
-            "visible": float(seen.visible[row]),
-            "witnessed": float(seen.witnessed[row]),
-            "hits": int(recorder.hits[row]),
-            "area": float(seen.area[row]),
-        }
-    prop_hits = recorder.hits[len(model.elements) :]
-    return {
-        "model": Path(model.path).name,
-        "points": recorder.returns,
-        "mixed": recorder.mixed,
-        "sigma": campaign.scanner.sigma_range,
-        "step_deg": math.degrees(campaign.scanner.angular_step),
-        "seed": campaign.seed,
-        "scanner": campaign.scanner.name,
-        "pose_noise": list(campaign.pose_noise),
-        "glass": campaign.glass,
-        "unevenness": campaign.unevenness.amplitude if campaign.unevenness else 0.0,
-        "stations": [(s.position + origin).tolist() for s in campaign.set_ups],
-        "rotations": [s.rotation.tolist() for s in campaign.set_ups],
-        "recorded_stations": [(s.recorded_position + origin).tolist() for s in campaign.set_ups],
-        "elements": elements,
-        "new": [
-            {
-                "name": p.name,
-                "kind": p.kind,
-                "center": (np.array(p.center) + origin).tolist(),
-                "size": list(p.size),
-                "yaw": p.yaw,
+    def truth(self) -> dict[str, Any]:
+        """The content of truth.json; positions in the model frame."""
+        if self.witness is None:
+            return {}
+        campaign, witness = self.campaign, self.witness
+        model, origin = campaign.model, campaign.model.origin
+        visible, witnessed, area = witness.visible, witness.witnessed, planned_area(model)
+        elements = {}
+        for row, element in enumerate(model.elements):
+            edit = campaign.edits.get(row)
+            elements[element.global_id] = {
+                "cls": element.ifc_class,
+                "edit": edit.kind if edit else "none",
+                "offset": edit.offset if edit else 0.0,
+                "direction": list(edit.direction) if edit else [0, 0, 0],
+                "visible": float(visible[row]),
+                "witnessed": float(witnessed[row]),
+                "hits": int(self.hits[row]),
+                "area": float(area[row]),
             }
-            for p in campaign.props
-        ],
-        "new_hits": {p.name: int(n) for p, n in zip(campaign.props, prop_hits, strict=True) if n},
-    }
+        prop_hits = self.hits[len(model.elements) :]
+        return {
+            "model": Path(model.path).name,
+            "points": self.returns,
+            "mixed": self.mixed,
+            "sigma": campaign.scanner.sigma_range,
+            "step_deg": math.degrees(campaign.scanner.angular_step),
+            "seed": campaign.seed,
+            "scanner": campaign.scanner.name,
+            "pose_noise": list(campaign.pose_noise),
+            "glass": campaign.glass,
+            "unevenness": campaign.unevenness.amplitude if campaign.unevenness else 0.0,
+            "stations": [(s.position + origin).tolist() for s in campaign.set_ups],
+            "rotations": [s.rotation.tolist() for s in campaign.set_ups],
+            "recorded_stations": [(s.recorded_position + origin).tolist() for s in campaign.set_ups],
+            "elements": elements,
+            "new": [
+                {
+                    "name": p.name,
+                    "kind": p.kind,
+                    "center": (np.array(p.center) + origin).tolist(),
+                    "size": list(p.size),
+                    "yaw": p.yaw,
+                }
+                for p in campaign.props
+            ],
+            "new_hits": {p.name: int(n) for p, n in zip(campaign.props, prop_hits, strict=True) if n},
+        }
 
 
 def _triple(values: NDArray[np.float64]) -> tuple[float, float, float]:

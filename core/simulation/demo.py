@@ -17,6 +17,7 @@ from .house import write_demo_house
 from .scanner import PRESETS
 from .scene import Edit, Glass, Prop, Unevenness
 
+STEP_DEG = 0.3
 MISSING = ("Balcony railing west", "Canopy post west", "Hall ceiling", "Chair 3", "Single bed")
 MOVED: dict[str, tuple[float, tuple[float, float, float]]] = {
     "Living room wall": (0.035, (1.0, 0.0, 0.0)),
@@ -94,7 +95,7 @@ def demo_campaign(model: BuildingModel, seed: int, *, glass: Glass = "lossy") ->
     pose_noise = (0.0008, 3e-5)
     return Campaign(
         model=model,
-        scanner=dataclasses.replace(PRESETS["fast"], name="demo", angular_step=math.radians(0.3)),
+        scanner=dataclasses.replace(PRESETS["fast"], name="demo", angular_step=math.radians(STEP_DEG)),
         set_ups=tuple(
             set_up(name, np.array(position) - model.origin, seed, index, pose_noise)
             for index, (name, position) in enumerate(STATIONS)

@@ -1,4 +1,4 @@
-"""The built-in demo house: two storeys, a terrace with a balcony, pitched roof, stair, ducts, furniture. Millimetres."""
+"""The built-in demo house: two storeys, terrace and balcony, pitched roof, stair, ducts, furniture. Millimetres."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ def _garden(house: HouseBuilder, ground: Any) -> None:
     )
     house.add("IfcGeographicElement", "Lawn", [lawn], ground, predefined="TERRAIN")
     house.add(
-        "IfcSlab", "Terrace paving", [box(800, -3300, -60, 8400, 3300, 50, "paving")], ground, predefined="PAVING"
-        if house.schema == "IFC4X3" else "FLOOR", material="Paving stone",
+        "IfcSlab", "Terrace paving", [box(800, -3300, -60, 8400, 3300, 50, "paving")], ground, predefined="FLOOR",
+        material="Paving stone",
         common={"Reference": "Paving 50", "IsExternal": True, "LoadBearing": False},
     )
     house.add(
@@ -298,8 +298,8 @@ def _terrace(house: HouseBuilder, ground: Any, upper: Any) -> None:
             material="Timber", common={"Reference": "180x180", "IsExternal": True, "LoadBearing": True},
         )
         house.add(
-            "IfcBeam", f"Terrace joist {index + 1}", [box(x - 60, front + 90, 2450, 120, -front - 90, 200, "timber")], ground,
-            predefined="JOIST", type_class="IfcBeamType", type_name="Timber joist 120x200", material="Timber",
+            "IfcBeam", f"Terrace joist {index + 1}", [box(x - 60, front + 90, 2450, 120, -front - 90, 200, "timber")],
+            ground, predefined="JOIST", type_class="IfcBeamType", type_name="Timber joist 120x200", material="Timber",
             common={"Reference": "120x200", "IsExternal": True, "LoadBearing": True},
         )
     house.add(
@@ -309,7 +309,8 @@ def _terrace(house: HouseBuilder, ground: Any, upper: Any) -> None:
     )
     house.add(
         "IfcSlab", "Balcony deck", [box(1300, front - 200, 2650, 7400, -front + 200, 160, "oak")], upper,
-        predefined="FLOOR", material="Timber", common={"Reference": "Deck 160", "IsExternal": True, "LoadBearing": True},
+        predefined="FLOOR", material="Timber",
+        common={"Reference": "Deck 160", "IsExternal": True, "LoadBearing": True},
     )
     edge = front - 140.0
     house.add(
@@ -353,7 +354,7 @@ def _railing(along: Axis, across: float, start: float, end: float, floor: float,
 
 
 def _roof(house: HouseBuilder, upper: Any) -> None:
-    roof = house.part_of("Roof", "IfcRoof", upper, "GABLE_ROOF", {"Reference": "Gable 35", "IsExternal": True})
+    roof = house.whole("Roof", "IfcRoof", upper, "GABLE_ROOF", {"Reference": "Gable 35", "IsExternal": True})
     over, low = -600.0, EAVES - 600.0 * PITCH
     side: list[Point] = [(over, low), (WIDTH / 2, RIDGE), (WIDTH / 2, RIDGE + ROOF_HEIGHT), (over, low + ROOF_HEIGHT)]
     for name, outline in (("south", side), ("north", [(WIDTH - y, z) for y, z in side])):
@@ -376,7 +377,7 @@ def _roof(house: HouseBuilder, upper: Any) -> None:
 def _stair(house: HouseBuilder, ground: Any, upper: Any) -> None:
     risers, going, first = 16, 270.0, 730.0
     rise = UPPER / risers
-    stair = house.part_of("Stair", "IfcStair", ground, "STRAIGHT_RUN_STAIR", {"Reference": "Stair 16x184/270"})
+    stair = house.whole("Stair", "IfcStair", ground, "STRAIGHT_RUN_STAIR", {"Reference": "Stair 16x184/270"})
     outline: list[Point] = [(first, 0.0)]
     for step in range(risers - 1):
         outline += [(first + step * going, (step + 1) * rise), (first + (step + 1) * going, (step + 1) * rise)]
@@ -456,13 +457,15 @@ def _furniture(house: HouseBuilder, ground: Any, upper: Any) -> None:
 
 def _piece(house: HouseBuilder, name: str, solids: Sequence[Solid], place: Any, storey: Any) -> None:
     house.add(
-        "IfcFurniture", name, solids, storey, place=place, type_class="IfcFurnitureType", type_name=name.rstrip(" 1234"),
+        "IfcFurniture", name, solids, storey, place=place, type_class="IfcFurnitureType",
+        type_name=name.rstrip(" 1234"),
     )
 
 
 def _table(x: float, y: float, length: float, depth: float, height: float, style: str) -> list[Solid]:
-    legs = [(x + 40, y + 40), (x + length - 100, y + 40), (x + 40, y + depth - 100), (x + length - 100, y + depth - 100)]
-    return [box(x, y, height - 40, length, depth, 40, style), *[box(a, b, 0, 60, 60, height - 40, style) for a, b in legs]]
+    legs = [(a, b) for a in (x + 40, x + length - 100) for b in (y + 40, y + depth - 100)]
+    top = box(x, y, height - 40, length, depth, 40, style)
+    return [top, *[box(a, b, 0, 60, 60, height - 40, style) for a, b in legs]]
 
 
 def _chair() -> list[Solid]:
@@ -493,5 +496,6 @@ def _shelf() -> list[Solid]:
 def _bed(width: float) -> list[Solid]:
     return [
         box(0, 0, 150, 2050, width, 180, "oak"), box(30, 30, 330, 1980, width - 60, 190, "white"),
-        box(-40, 0, 0, 40, width, 950, "oak"), *[box(x, y, 0, 80, 80, 150, "oak") for x in (0, 1970) for y in (0, width - 80)],
+        box(-40, 0, 0, 40, width, 950, "oak"),
+        *[box(x, y, 0, 80, 80, 150, "oak") for x in (0, 1970) for y in (0, width - 80)],
     ]

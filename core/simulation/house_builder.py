@@ -1,4 +1,4 @@
-"""Makes IFC products out of extruded shapes, for the built-in demo house. Lengths in millimetres, the file's own unit."""
+"""Makes IFC products out of extruded shapes, for the built-in demo house. Lengths in millimetres, as in the file."""
 
 from __future__ import annotations
 
@@ -40,7 +40,8 @@ TYPE_ATTRIBUTES: Mapping[str, Mapping[str, Any]] = {
     "IfcWindowType": {"PartitioningType": "SINGLE_PANEL"},
     "IfcDoorType": {"OperationType": "SINGLE_SWING_LEFT"},
     "IfcWindowStyle": {
-        "ConstructionType": "WOOD", "OperationType": "SINGLE_PANEL", "ParameterTakesPrecedence": False, "Sizeable": False,
+        "ConstructionType": "WOOD", "OperationType": "SINGLE_PANEL", "ParameterTakesPrecedence": False,
+        "Sizeable": False,
     },
     "IfcDoorStyle": {
         "ConstructionType": "WOOD", "OperationType": "SINGLE_SWING_LEFT", "ParameterTakesPrecedence": False,
@@ -75,7 +76,7 @@ STYLES: dict[str, tuple[float, float, float, float]] = {
 
 @dataclass(frozen=True)
 class Solid:
-    """A polygon (or circle) pushed along an axis. ``outline`` lies in the plane across it: z: (x, y), x: (y, z), y: (x, z)."""
+    """A polygon (or circle) pushed along an axis. ``outline`` lies across it: z: (x, y), x: (y, z), y: (x, z)."""
 
     outline: tuple[Point, ...]
     axis: Axis
@@ -147,8 +148,9 @@ class HouseBuilder:
         import ifcopenshell.api.unit
 
         if self.schema not in SCHEMAS:
-            raise BimVerifyError(f"The demo house cannot be written as {self.schema}; choose one of {', '.join(SCHEMAS)}.")
-        api = ifcopenshell.api
+            known = ", ".join(SCHEMAS)
+            raise BimVerifyError(f"The demo house cannot be written as {self.schema}; choose one of {known}.")
+        api: Any = ifcopenshell.api
         self.file = api.project.create_file(self.schema)
         person = api.owner.add_person(self.file, identification="demo", family_name="Demo", given_name="House")
         maker = api.owner.add_organisation(self.file, identification="bim_verify", name="bim_verify")
@@ -241,7 +243,7 @@ class HouseBuilder:
             fills = ifcopenshell.api.feature.add_filling(self.file, opening=hole, element=filling)
             fills.OwnerHistory = hole.OwnerHistory
 
-    def part_of(self, name: str, ifc_class: str, container: Any, predefined: str, common: Mapping[str, Any]) -> Any:
+    def whole(self, name: str, ifc_class: str, container: Any, predefined: str, common: Mapping[str, Any]) -> Any:
         """A product without a body of its own, whose parts carry the shape."""
         whole = self._entity(ifc_class, name, predefined)
         if hasattr(whole, "ShapeType"):
@@ -264,6 +266,10 @@ class HouseBuilder:
 
         for number, root in enumerate(sorted(self.file.by_type("IfcRoot"), key=lambda e: e.id())):
             root.GlobalId = ifcopenshell.guid.compress(uuid.uuid5(NAMESPACE, f"{self.schema} {number}").hex)
+        for entity in (*self.file.by_type("IfcRelationship"), *self.file.by_type("IfcUnitAssignment")):
+            for index, value in enumerate(entity):
+                if isinstance(value, tuple) and value and hasattr(value[0], "id"):
+                    entity[index] = tuple(sorted(value, key=lambda e: e.id()))
         for history in self.file.by_type("IfcOwnerHistory"):
             history.CreationDate = 1709294400
             history.LastModifiedDate = 1709294400

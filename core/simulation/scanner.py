@@ -1,8 +1,8 @@
 """A terrestrial laser scanner: which directions it shoots, what comes back, and with which error.
 
 A beam is a cone around its centre ray. Where the cone meets one smooth surface, its return is the centre's range plus
-noise. Where it meets an edge, sub-rays over the cone's cross-section each return power and the scanner reports one range
-for them: the mixed pixel, which lies between the surfaces when it cannot tell them apart.
+noise. Where it meets an edge, sub-rays over the cone's cross-section each return power and the scanner reports one
+range for them: the mixed pixel, which lies between the surfaces when it cannot tell them apart.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ EDGE_STEP_M = 0.002
 SUB_RAY_RINGS = ((0.0, 1), (0.5, 6), (1.0, 12))
 """Radius, in beam radii (1/e^2), and number of the sub-rays."""
 MIXED_SPREAD_M = 0.003
-"""A return whose sub-rays lie further apart than this (beyond the slope of its own surface) counts as mixed."""
+"""A return from an edge counts as mixed when its sub-rays leave a gap in range larger than this."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Scanner:
     beam_divergence: float = 3e-4
     """Full angle."""
     range_resolution: float = 0.5
-    """Surfaces in one beam closer than this along the ray melt into one range; further apart, the stronger is reported."""
+    """Surfaces in one beam closer than this along the ray melt into one range; else the stronger one is reported."""
     weakest_power: float = 0.004
     """Power at which half the returns are lost; well below it (far, dark, grazing) all are."""
     elevation_min: float = math.radians(-60.0)
@@ -82,7 +82,7 @@ class Scanner:
         return elevation, azimuth
 
     def cell(self, direction: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Row and column of the beam nearest to each (N, 3) direction of the sensor frame; row -1 where none is shot."""
+        """Row and column of the beam nearest to each (N, 3) direction (sensor frame); row -1 where none is shot."""
         grid = self.grid
         elevation = np.arctan2(direction[:, 2], np.hypot(direction[:, 0], direction[:, 1]))
         azimuth = np.arctan2(direction[:, 1], direction[:, 0]) % (2 * math.pi)
@@ -119,7 +119,7 @@ PRESETS: dict[str, Scanner] = {
 
 @dataclass(frozen=True)
 class SimulatedReturns:
-    """Returns of one station with their truth, ordered by row, then column. Directions without a return are left out."""
+    """Returns of one station with their truth, by row, then column; directions without a return are left out."""
 
     row: NDArray[np.int32]
     column: NDArray[np.int32]
@@ -239,7 +239,7 @@ def _straddling(
 ) -> tuple[
     NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]
 ]:
-    """Range, owner (-1: no return), power, intensity and mixed of beams near edges, from sub-rays over their section."""
+    """Range, owner (-1: no return), power, intensity and mixed of beams near edges, from sub-rays over them."""
     section, weight = _sub_rays()
     count, rays = len(direction), len(weight)
     helper = np.where(np.abs(direction[:, [2]]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
@@ -341,7 +341,7 @@ def _edge_cells(direction, distance, triangle, normal, rows, columns, step):  # 
 
 
 def _sub_rays() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Positions in the beam's cross-section [beam radii] and their shares of a Gaussian beam's power (adding up to 1)."""
+    """Positions in the beam's cross-section [beam radii], and their shares of a Gaussian beam's power (adding to 1)."""
     places, shares = [], []
     for ring, (radius, count) in enumerate(SUB_RAY_RINGS):
         turn = 2 * math.pi * (np.arange(count) + 0.25 * ring) / count

@@ -1,4 +1,4 @@
-"""What a simulated scanner sees: triangles with owners, from a model as it was built (edited), with things standing about."""
+"""What a simulated scanner sees: triangles with owners, of a model as it was built, with things standing about."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ from scipy.sparse.csgraph import connected_components
 
 from ..model.elements import BuildingModel
 
-PANE_THICKEST_M = 0.045
+PANE_THICKEST_M = 0.03
 PANE_SMALLEST_M = 0.2
-"""A separate part of a window or door thinner than the first and wider and higher than the second is a pane of glass."""
+PANE_FILLED_SHARE = 0.9
+"""A separate part of a window or door is a pane when it is thinner than the first, wider and higher than the second,
+and fills its rectangle to the third (a frame or a trim does not)."""
 GLAZED_CLASSES = ("IfcWindow", "IfcDoor")
 GLASS_RETURN_SHARE = 0.05
 """Share of the beams that dust on a pane sends back; a clean pane answers only where it is met head-on."""
@@ -25,7 +27,7 @@ GLASS_LOST_SHARE = 0.25
 GLASS_MIRROR_COS = math.cos(math.radians(2.0))
 LOSSY_WINDOW_SHARE = 0.5
 Glass = Literal["opaque", "lossy", "clear"]
-"""How windows answer: as any other surface; as one that loses half of the beams; or with panes that beams go through."""
+"""How windows answer: like any other surface, like one that loses half of the beams, or with panes to look through."""
 SURFACES_THROUGH_GLASS = 12
 STEP_BEHIND_GLASS_M = 1e-4
 
@@ -46,7 +48,7 @@ class Edit:
 
 @dataclass(frozen=True)
 class Prop:
-    """A thing that is not in the model. ``center`` and ``size`` in metres, model's local frame; turned by ``yaw`` [rad]."""
+    """A thing that is not in the model. ``center``, ``size`` [m, model's local frame]; turned by ``yaw`` [rad]."""
 
     name: str
     kind: Literal["box", "person"]
@@ -133,6 +135,8 @@ class Scene:
         self.names = tuple(names)
         self.reflectance = np.full(len(self.names), 0.5) if reflectance is None else np.asarray(reflectance)
         self.glass = np.zeros(len(self.owner), dtype=np.bool_) if glass is None else glass
+        self.pane_of_model: NDArray[np.bool_] | None = None
+        """(T,) panes among the triangles of the model that the scene was built of, removed ones included."""
         self.lost_share = np.zeros(len(self.names)) if lost_share is None else lost_share
         self.unevenness = unevenness
         normal = np.cross(self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0])
@@ -170,7 +174,7 @@ class Scene:
     def pass_glass(
         self, origin: NDArray[np.float64], direction: NDArray[np.float64], seen: Cast, luck: NDArray[np.float64] | None
     ) -> Cast:
-        """First hits that send light back: a ray's ``luck`` (0..1) says whether panes return it, lose it or let it through.
+        """First hits that send light back: a ray's ``luck`` (0..1) says if panes return it, lose it or let it through.
 
         A pane met head-on returns it always. Without ``luck`` all panes are passed.
         """
@@ -234,15 +238,17 @@ def build_scene(
         parts.append(shape)
         owners.append(np.full(len(shape), len(model.elements) + index, dtype=np.int32))
         panes.append(np.zeros(len(shape), dtype=np.bool_))
-    names = [e.global_id for e in model.elements] + [p.name for p in props]
+    names = [*(e.global_id for e in model.elements), *(p.name for p in props)]
     reflectance = np.random.default_rng((seed, len(names))).uniform(0.25, 0.9, len(names))
     lost = np.zeros(len(names))
     if glass == "lossy":
         lost[: len(model.elements)] = [LOSSY_WINDOW_SHARE * (e.ifc_class == "IfcWindow") for e in model.elements]
-    return Scene(
+    scene = Scene(
         np.concatenate(parts), np.concatenate(owners), names,
         reflectance=reflectance, glass=np.concatenate(panes), lost_share=lost, unevenness=unevenness,
     )
+    scene.pane_of_model = pane
+    return scene
 
 
 def thinnest_axis(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
@@ -256,8 +262,7 @@ def thinnest_axis(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], fl
     strongest = np.take_along_axis(normal, np.argmax(np.abs(normal), axis=1)[:, None], axis=1)
     normal = normal * np.where(strongest < 0, -1.0, 1.0)
     rounded = np.round(normal, 3) + 0.0
-    unique, inverse = np.unique(rounded, axis=0, return_inverse=True)
-    inverse = inverse.ravel()
+    inverse = np.unique(rounded, axis=0, return_inverse=True)[1].ravel()
     total = np.bincount(inverse, weights=area)
     largest = np.argsort(-total, kind="stable")[:100]
     first = np.array([np.flatnonzero(inverse == i)[np.argmax(area[inverse == i])] for i in largest])
@@ -280,9 +285,14 @@ def glass_triangles(model: BuildingModel) -> NDArray[np.bool_]:
         for index in range(shell.max(initial=-1) + 1):
             mine = np.flatnonzero(shell == index)
             corners = model.vertices[model.triangles[part][mine]]
-            _, thickness = thinnest_axis(corners)
-            extent = np.sort(np.ptp(corners.reshape(-1, 3), axis=0))
-            if thickness < PANE_THICKEST_M and extent[1] > PANE_SMALLEST_M and len(np.unique(shell)) > 1:
+            axis, thickness = thinnest_axis(corners)
+            level = np.linalg.norm(np.cross(axis, [0.0, 0.0, 1.0]))
+            across = np.cross(axis, [0.0, 0.0, 1.0] if level > 0.1 else [1.0, 0.0, 0.0])
+            across /= np.linalg.norm(across)
+            sides = np.ptp(corners.reshape(-1, 3) @ np.stack([across, np.cross(axis, across)], axis=1), axis=0)
+            double_area = np.abs(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ axis).sum()
+            filled = double_area / 4 / max(sides.prod(), 1e-12)
+            if thickness < PANE_THICKEST_M and sides.min() > PANE_SMALLEST_M and filled > PANE_FILLED_SHARE:
                 pane[part.start + mine] = True
     return pane
 

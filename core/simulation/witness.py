@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,7 @@ SIGHT_TOLERANCE_M = 0.003
 RETURN_TOLERANCE_M = 0.01
 """A return no more than this before the planned point is at the point or beyond it."""
 MOST_SURFACES = 16
+RESTART_M = 1e-4
 
 
 @dataclass(frozen=True)
@@ -48,59 +49,76 @@ class StationView:
 
 
 @dataclass(frozen=True)
+class _Points:
+    """Area-weighted points on the planned surfaces."""
+
+    position: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    element: NDArray[np.int32]
+    triangle: NDArray[np.int64]
+
+
 class Witness:
-    """Per element."""
+    """Judges points on every planned surface, station by station, against the scene as it was built and the returns.
 
-    visible: NDArray[np.float64]
-    """(E,) share of the planned surface that faces a station and is in its line of sight, in the scene as it was built."""
-    witnessed: NDArray[np.float64]
-    """(E,) share of it in whose direction a beam of a station that sees it really brought a return from there or beyond."""
-    area: NDArray[np.float64]
-    """(E,) m2 of planned surface."""
-
-
-def witness(
-    model: BuildingModel, scene: Scene, edits: Mapping[int, Edit], views: Sequence[StationView], scanner: Scanner
-) -> Witness:
-    """Judge area-weighted points on every planned surface against the scene as built and the returns.
-
-    What the element itself was built as never hides its own planned surface: a wall built towards the scanner proves that it
-    was moved. A removed element has no body that could hide anything.
+    What an element was built as never hides its own planned surface: a wall built closer to the scanner shows that it
+    was moved. A removed element has no body that could hide anything. A return from behind a pane says nothing about
+    the pane.
     """
-    position, normal, element, area = _planned_points(model)
-    planned = build_scene(model, {}, ())
-    visible = np.zeros(len(position), dtype=np.bool_)
-    proven = np.zeros(len(position), dtype=np.bool_)
-    stands = np.ones(len(model.elements), dtype=np.bool_)
-    stands[[row for row, edit in edits.items() if edit.kind == "remove"]] = False
-    sheet = ~model.closed  # both sides of an open sheet are one surface: seen from either, it is seen
-    for view in views:
-        ray = position - view.position
+
+    def __init__(self, model: BuildingModel, scene: Scene, edits: Mapping[int, Edit], scanner: Scanner) -> None:
+        self._scene, self._scanner = scene, scanner
+        self._planned = build_scene(model, {}, ())
+        self._points = _planned_points(model)
+        self._stands = np.ones(len(model.elements), dtype=np.bool_)
+        self._stands[[row for row, edit in edits.items() if edit.kind == "remove"]] = False
+        self._sheet = ~model.closed  # both sides of an open sheet are one surface: seen from either, it is seen
+        pane = scene.pane_of_model if scene.pane_of_model is not None else np.zeros(len(model.triangles), np.bool_)
+        self._pane = pane[self._points.triangle] & self._stands[self._points.element]
+        self._seen = np.zeros(len(self._points.element), dtype=np.bool_)
+        self._proven = np.zeros(len(self._points.element), dtype=np.bool_)
+
+    def add(self, view: StationView) -> None:
+        """Count what one station saw."""
+        points = self._points
+        ray = points.position - view.position
         distance = np.linalg.norm(ray, axis=1)
         ray /= np.maximum(distance, 1e-9)[:, None]
-        facing = -np.einsum("ij,ij->i", ray, normal)
-        facing = np.where(sheet[element], np.abs(facing), facing)
+        facing = -np.einsum("ij,ij->i", ray, points.normal)
+        facing = np.where(self._sheet[points.element], np.abs(facing), facing)
         at = np.flatnonzero(facing > FACING_COS)
-        at = at[~_hidden(scene, view.position, ray[at], distance[at], element[at], by_others=True)]
-        own_front = stands[element[at]]
+        at = at[~_hidden(self._scene, view.position, ray[at], distance[at], points.element[at], by_others=True)]
+        own_front = self._stands[points.element[at]]
         own_front[own_front] = _hidden(
-            planned, view.position, *(v[at[own_front]] for v in (ray, distance, element)), by_others=False
+            self._planned, view.position, *(v[at[own_front]] for v in (ray, distance, points.element)), by_others=False
         )
         at = at[~own_front]
-        visible[at] = True
+        self._seen[at] = True
         at = at[facing[at] > STEEPEST_COS]
-        row, column = scanner.cell(ray[at] @ view.rotation)
+        row, column = self._scanner.cell(ray[at] @ view.rotation)
         measured, owner = view.distance[row, column], view.owner[row, column]
-        back = (row >= 0) & (owner >= 0)
-        beyond = measured > distance[at] - RETURN_TOLERANCE_M
-        own = owner == element[at]
-        proven[at] |= back & (beyond | own)
-    count = np.bincount(element, minlength=len(model.elements))
-    return Witness(
-        np.bincount(element, weights=visible, minlength=len(count)) / np.maximum(count, 1),
-        np.bincount(element, weights=proven, minlength=len(count)) / np.maximum(count, 1),
-        area,
-    )
+        beyond = (measured > distance[at] - RETURN_TOLERANCE_M) & ~self._pane[at]
+        self._proven[at] |= (row >= 0) & (owner >= 0) & (beyond | (owner == points.element[at]))
+
+    @property
+    def visible(self) -> NDArray[np.float64]:
+        """(E,) share of the planned surface that faces a station and is in its line of sight, in the scene as built."""
+        return self._share(self._seen)
+
+    @property
+    def witnessed(self) -> NDArray[np.float64]:
+        """(E,) share towards which a station that sees it has a return from there or beyond, or from the element."""
+        return self._share(self._proven)
+
+    def _share(self, what: NDArray[np.bool_]) -> NDArray[np.float64]:
+        return what.reshape(-1, POINTS_PER_ELEMENT).mean(axis=1)
+
+
+def planned_area(model: BuildingModel) -> NDArray[np.float64]:
+    """(E,) m2 of planned surface; an open sheet, which the model keeps twice for its two sides, counts once."""
+    _, same, times = np.unique(np.sort(model.triangles, axis=1), axis=0, return_inverse=True, return_counts=True)
+    area = 0.5 * np.linalg.norm(_cross(model), axis=1) / times[same.ravel()]
+    return np.bincount(model.triangle_element, weights=area, minlength=len(model.elements)).astype(np.float64)
 
 
 def _hidden(
@@ -112,7 +130,7 @@ def _hidden(
     *,
     by_others: bool,
 ) -> NDArray[np.bool_]:
-    """(N,) is something in front of the point: of other owners (``by_others``), or of the element itself. Glass hides nothing."""
+    """(N,) is the point hidden by other owners (``by_others``), or by the element itself. Glass hides nothing."""
     hidden = np.zeros(len(ray), dtype=np.bool_)
     gone = np.zeros(len(ray))
     at = np.arange(len(ray))
@@ -124,36 +142,34 @@ def _hidden(
         at, met, step = at[before], seen.triangle[before], seen.distance[before]
         counts = ((scene.owner[met] != element[at]) == by_others) & ~scene.glass[met]
         hidden[at[counts]] = True
-        gone[at] += step + 1e-4
+        gone[at] += step + RESTART_M
         at = at[~counts]
     return hidden
 
 
-def _planned_points(
-    model: BuildingModel,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
-    """POINTS_PER_ELEMENT area-weighted points on each element: position, normal, element, and (E,) element areas."""
-    random = np.random.default_rng(0)
+def _cross(model: BuildingModel) -> NDArray[np.float64]:
     corner = model.vertices[model.triangles]
-    cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    return np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+
+
+def _planned_points(model: BuildingModel) -> _Points:
+    """POINTS_PER_ELEMENT area-weighted points on each element."""
+    random = np.random.default_rng(0)
+    cross = _cross(model)
     length = np.linalg.norm(cross, axis=1)
-    count = len(model.elements)
-    _, first, times = np.unique(np.sort(model.triangles, axis=1), axis=0, return_inverse=True, return_counts=True)
-    once = length / 2 / times[first.ravel()]  # an open sheet is kept twice, once for each side
-    area_once = np.bincount(model.triangle_element, weights=once, minlength=count)
-    area = np.bincount(model.triangle_element, weights=length / 2, minlength=count)
-    before = np.concatenate([[0.0], np.cumsum(length / 2)])
+    before = np.concatenate([[0.0], np.cumsum(length)])
     start = model.triangle_start
-    element = np.repeat(np.arange(count, dtype=np.int32), POINTS_PER_ELEMENT)
-    target = before[start[element]] + random.random(len(element)) * area[element]
-    triangle = np.clip(np.searchsorted(before, target, side="right") - 1, start[element], start[element + 1] - 1)
+    element = np.repeat(np.arange(len(model.elements), dtype=np.int32), POINTS_PER_ELEMENT)
+    first, last = start[element], start[element + 1]
+    target = before[first] + random.random(len(element)) * (before[last] - before[first])
+    triangle = np.clip(np.searchsorted(before, target, side="right") - 1, first, last - 1)
     u, v = random.random((2, len(element)))
     fold = u + v > 1
     u, v = np.where(fold, 1 - u, u)[:, None], np.where(fold, 1 - v, v)[:, None]
-    p = corner[triangle]
-    return (
-        p[:, 0] + u * (p[:, 1] - p[:, 0]) + v * (p[:, 2] - p[:, 0]),
-        cross[triangle] / length[triangle, None],
-        element,
-        area_once,
+    p = model.vertices[model.triangles[triangle]]
+    return _Points(
+        position=p[:, 0] + u * (p[:, 1] - p[:, 0]) + v * (p[:, 2] - p[:, 0]),
+        normal=cross[triangle] / length[triangle, None],
+        element=element,
+        triangle=triangle,
     )
