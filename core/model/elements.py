@@ -69,6 +69,8 @@ class BuildingModel:
     """(T,) rows of ``elements``; ascending, so each element's triangles are one slice."""
     closed: NDArray[np.bool_]
     """(E,) the element's surface is a closed solid (else its sides cannot be told apart)."""
+    transparent: NDArray[np.bool_]
+    """(T,) the surface is styled as glass: many scanners look through it."""
     map_conversion: MapConversion | None = None
     skipped: tuple[str, ...] = field(default=())
     """One sentence per product that has a body but could not be turned into triangles."""

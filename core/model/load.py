@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import multiprocessing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,9 @@ NOT_PHYSICAL = (
 
 LARGEST_SMALL_RADIUS_M = 0.5
 """The angular deflection is set so that round members up to this radius keep the chord error; beyond it the linear one acts."""
+
+SEE_THROUGH = 0.3
+"""A surface style at least this transparent is glass."""
 
 
 def load_model(
@@ -137,8 +141,8 @@ def _tessellate(source: Path, content_hash: str, deflection: float, threads: int
     present = [p for p in products if p.id() in shapes]
     if not present:
         raise BimVerifyError(f"{source} has no element with a solid or surface body, so there is nothing to verify.")
-    vertices, triangles, owner, origin = _join(present, shapes)
-    triangles, owner, closed = orient_outward(vertices, triangles, owner, len(present))
+    vertices, triangles, owner, transparent, origin = _join(present, shapes)
+    triangles, owner, transparent, closed = orient_outward(vertices, triangles, owner, transparent, len(present))
     return BuildingModel(
         path=str(source),
         content_hash=content_hash,
@@ -150,23 +154,38 @@ def _tessellate(source: Path, content_hash: str, deflection: float, threads: int
         triangles=triangles,
         triangle_element=owner,
         closed=closed,
+        transparent=transparent,
         map_conversion=_map_conversion(file),
         skipped=skipped,
         project_name=next((p.Name or "" for p in file.by_type("IfcProject")), ""),
     )
 
 
+@dataclass(frozen=True)
+class _Shape:
+    vertices: NDArray[np.float64]
+    """(V, 3) metres, frame of the placement."""
+    triangles: NDArray[np.int32]
+    transparent: NDArray[np.bool_]
+    placement: NDArray[np.float64]
+    """(4, 4)"""
+
+    @property
+    def world(self) -> NDArray[np.float64]:
+        return self.vertices @ self.placement[:3, :3].T + self.placement[:3, 3]
+
+
 def _run_iterator(
     file: Any, products: list[Any], deflection: float, threads: int, progress: Progress
-) -> dict[int, list[tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]]]:
-    """STEP id -> [(vertices in placement frame, triangles, 4x4 placement)], metres."""
+) -> dict[int, list[_Shape]]:
+    """STEP id -> its shapes."""
     import ifcopenshell.geom
 
     settings = ifcopenshell.geom.settings()
     settings.set("mesher-linear-deflection", deflection)
     settings.set("mesher-angular-deflection", 2.0 * math.acos(1.0 - min(deflection / LARGEST_SMALL_RADIUS_M, 1.0)))
     iterator = ifcopenshell.geom.iterator(settings, file, threads, include=products)
-    shapes: dict[int, list[tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]]] = {}
+    shapes: dict[int, list[_Shape]] = {}
     if not iterator.initialize():
         return shapes
     while True:
@@ -175,27 +194,34 @@ def _run_iterator(
         if len(triangles):
             vertices = np.array(shape.geometry.verts, dtype=np.float64).reshape(-1, 3)
             placement = np.array(shape.transformation.matrix, dtype=np.float64).reshape(4, 4, order="F")
-            shapes.setdefault(shape.id, []).append((vertices, triangles, placement))
+            see_through = np.array([m.transparency > SEE_THROUGH for m in shape.geometry.materials] + [False])
+            material = np.array(shape.geometry.material_ids, dtype=np.int64)
+            transparent = see_through[material] if len(material) == len(triangles) else np.zeros(len(triangles), bool)
+            shapes.setdefault(shape.id, []).append(_Shape(vertices, triangles, transparent, placement))
         progress.update(iterator.progress() / 100.0, f"Making surfaces of {len(products)} elements")
         if not iterator.next():
             return shapes
 
 
 def _join(
-    products: list[Any],
-    shapes: dict[int, list[tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]]],
-) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
-    """One vertex and triangle array for all, in the local frame; the origin is the rounded middle of the first corners."""
-    first = np.array([(m @ np.append(v[0], 1.0))[:3] for p in products for v, _, m in shapes[p.id()]])
-    origin = np.round(np.median(first, axis=0))
-    vertices, triangles, owner, base = [], [], [], 0
-    for index, product in enumerate(products):
-        for v, t, m in shapes[product.id()]:
-            vertices.append(v @ m[:3, :3].T + (m[:3, 3] - origin))
-            triangles.append(t + base)
-            owner.append(np.full(len(t), index, dtype=np.int32))
-            base += len(v)
-    return np.concatenate(vertices), np.concatenate(triangles), np.concatenate(owner), origin
+    products: list[Any], shapes: dict[int, list[_Shape]]
+) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.bool_], NDArray[np.float64]]:
+    """All vertices, triangles, owners and transparencies as one array each, in the local frame, and its origin.
+
+    The origin is the rounded middle of the elements' first corners.
+    """
+    own = [(index, shape) for index, product in enumerate(products) for shape in shapes[product.id()]]
+    origin = np.round(np.median([shape.world[0] for _, shape in own], axis=0))
+    base = np.cumsum([0] + [len(shape.vertices) for _, shape in own])
+    return (
+        np.concatenate(
+            [s.vertices @ s.placement[:3, :3].T + (s.placement[:3, 3] - origin) for _, s in own]
+        ),
+        np.concatenate([s.triangles + np.int32(b) for (_, s), b in zip(own, base[:-1], strict=True)]),
+        np.concatenate([np.full(len(s.triangles), index, dtype=np.int32) for index, s in own]),
+        np.concatenate([s.transparent for _, s in own]),
+        origin,
+    )
 
 
 def _describe(product: Any) -> Element:

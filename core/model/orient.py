@@ -12,22 +12,23 @@ def orient_outward(
     vertices: NDArray[np.float64],
     triangles: NDArray[np.int32],
     owner: NDArray[np.int32],
+    transparent: NDArray[np.bool_],
     element_count: int,
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.bool_]]:
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.bool_], NDArray[np.bool_]]:
     """Turn closed shells outward; give open sheets both sides.
 
     A connected shell is closed when every directed edge has its opposite exactly once. Closed shells of negative volume
     are turned, unless the element's total volume is positive (then they are voids inside it). The sides of an open sheet
     cannot be told apart, so it is kept twice, once for each side; sampling later drops the side that looks only at itself.
 
-    vertices (V, 3); triangles (T, 3); owner (T,) ascending. Returns triangles (T', 3), owner (T',) ascending, and
-    closed (E,).
+    vertices (V, 3); triangles (T, 3); owner (T,) ascending; transparent (T,). Returns triangles (T', 3), owner (T',)
+    ascending, transparent (T',), and closed (E,).
     """
     area2 = np.linalg.norm(_cross(vertices, triangles), axis=1)
     keep = area2 > 1e-12
-    triangles, owner = triangles[keep], owner[keep]
+    triangles, owner, transparent = triangles[keep], owner[keep], transparent[keep]
     if not len(triangles):
-        return triangles, owner, np.zeros(element_count, dtype=np.bool_)
+        return triangles, owner, transparent, np.zeros(element_count, dtype=np.bool_)
 
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).astype(np.int64)
     graph = coo_array((np.ones(len(edges), dtype=np.int8), (edges[:, 0], edges[:, 1])), shape=(len(vertices),) * 2)
@@ -60,11 +61,12 @@ def orient_outward(
     turned[flip] = turned[flip][:, ::-1]
     open_triangle = ~shell_closed[shell]
     both = np.concatenate([turned, turned[open_triangle][:, ::-1]])
+    both_transparent = np.concatenate([transparent, transparent[open_triangle]])
     both_owner = np.concatenate([owner, owner[open_triangle]])
     order = np.argsort(both_owner, kind="stable")
     closed = np.ones(element_count, dtype=np.bool_)
     closed[owner[open_triangle]] = False
-    return np.ascontiguousarray(both[order]), both_owner[order], closed
+    return np.ascontiguousarray(both[order]), both_owner[order], both_transparent[order], closed
 
 
 def _cross(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:

@@ -28,12 +28,17 @@ class Hits:
 class RayScene:
     """All triangles of a model, ready for ray casting in its local frame."""
 
-    def __init__(self, model: BuildingModel) -> None:
+    def __init__(self, model: BuildingModel, shift: NDArray[np.float64] | None = None) -> None:
+        """``shift`` (E, 3) [m] moves elements; a row of NaN leaves the element out."""
         from embreex import rtcore_scene
         from embreex.mesh_construction import TriangleMesh
 
         self._scene = rtcore_scene.EmbreeScene()
-        corners = np.ascontiguousarray(model.vertices[model.triangles], dtype=np.float32)
+        corners = model.vertices[model.triangles]
+        if shift is not None:
+            moved = corners + shift[model.triangle_element][:, None, :]
+            corners = np.where(np.isfinite(moved), moved, 1e6)
+        corners = np.ascontiguousarray(corners, dtype=np.float32)
         self._mesh = TriangleMesh(self._scene, corners)
         a, b, c = (model.vertices[model.triangles[:, i]] for i in range(3))
         normal = np.cross(b - a, c - a)

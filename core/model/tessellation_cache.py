@@ -16,7 +16,7 @@ import numpy as np
 from ..files import whole_file
 from .elements import BuildingModel, Element, MapConversion
 
-FORMAT = 1
+FORMAT = 2
 """Raised whenever what is stored, or how surfaces are made, changes."""
 KEEP_FILES = 64
 
@@ -60,6 +60,7 @@ def read(cache_key: str, source: Path) -> BuildingModel | None:
                 triangles=stored["triangles"],
                 triangle_element=stored["triangle_element"],
                 closed=stored["closed"],
+                transparent=stored["transparent"],
                 map_conversion=conversion
                 and MapConversion(
                     np.array(conversion["offset"]), conversion["angle"], conversion["scale"], conversion["name"]
@@ -100,6 +101,7 @@ def write(cache_key: str, model: BuildingModel) -> None:
                 triangles=model.triangles,
                 triangle_element=model.triangle_element,
                 closed=model.closed,
+                transparent=model.transparent,
             )
         _forget_oldest()
 

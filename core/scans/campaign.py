@@ -88,7 +88,7 @@ class ScanSource(Protocol):
         """Filled while ``blocks`` is read to its end; each full read starts it anew."""
         ...
 
-    def blocks(self, block_size: int = 1_000_000, *, attributes: bool = False) -> Iterator[ReturnBlock]:
+    def blocks(self, block_size: int = 262_144, *, attributes: bool = False) -> Iterator[ReturnBlock]:
         """Stream all returns, at most ``block_size`` at a time, in the file's order; may be called again.
 
         Only offsets are read unless ``attributes`` asks for intensity, colour, row and column too.

@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
+from .byte_copy import copy_bytes
 
 SIGNATURE = b"ASTM-E57"
 PAGE = 1024
@@ -65,7 +66,7 @@ def _strip(pages, words, tables, first, out):  # type: ignore[no-untyped-def]
             return page
         start = first if page == 0 else 0
         length = 1020 - start
-        out[at : at + length] = pages[base + start : base + 1020]
+        copy_bytes(pages, base + start, out, at, length)
         at += length
     return -1
 

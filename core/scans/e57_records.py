@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from .byte_copy import copy_bytes
 from .e57_pages import E57Pages, logical
 
 _WINDOW = 4096 * 1020
@@ -96,7 +97,7 @@ def _gather(data, at, n_streams, wanted, streams, filled):  # type: ignore[no-un
             if start + count > at + length:
                 return at, 2
             if k < wanted.size and wanted[k] == stream:
-                streams[k, filled[k] : filled[k] + count] = data[start : start + count]
+                copy_bytes(data, start, streams[k], filled[k], count)
                 filled[k] += count
                 k += 1
             start += count

@@ -178,15 +178,10 @@ class Campaign:
             sum(count.not_finite for count in counts),
         )
 
-    def blocks(self, block_size: int = 1_000_000, *, attributes: bool = False) -> Iterator[ReturnBlock]:
+    def blocks(self, block_size: int = 262_144, *, attributes: bool = False) -> Iterator[ReturnBlock]:
         return read_ahead(lambda: self._read(block_size, attributes))
 
     def _read(self, block_size: int, attributes: bool) -> Iterator[ReturnBlock]:
         for file, index in zip(self._files, self._index, strict=True):
-            try:
-                for block in file.blocks(block_size, attributes=attributes):
-                    yield replace(block, station=index[block.station])
-            except OSError as error:
-                raise BimVerifyError(
-                    f"Cannot read {file.path}: {error.strerror or error}. Check that it is still there."
-                ) from error
+            for block in file.blocks(block_size, attributes=attributes):
+                yield replace(block, station=index[block.station])

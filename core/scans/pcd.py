@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
 from .binary_records import NamedFields, check_size, cut_off, find_fields, read_binary
+from .byte_copy import copy_bytes
 from .campaign import Grid, Station
 from .e57_header import quaternion_to_matrix
 from .scan_file import Columns, ScanFile, scan_frame_setup
@@ -146,7 +147,7 @@ def _unpack_lzf(packed, plain):  # type: ignore[no-untyped-def]
             count = control + 1
             if at + count > packed.size or out + count > plain.size:
                 return -1
-            plain[out : out + count] = packed[at : at + count]
+            copy_bytes(packed, at, plain, out, count)
             at += count
             out += count
             continue

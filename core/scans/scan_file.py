@@ -134,7 +134,7 @@ class ScanFile(ABC):
         Coordinates and flags may be written over by the next block; attributes belong to the receiver.
         """
 
-    def blocks(self, block_size: int = 1_000_000, *, attributes: bool = False) -> Iterator[ReturnBlock]:
+    def blocks(self, block_size: int = 262_144, *, attributes: bool = False) -> Iterator[ReturnBlock]:
         """See :class:`~.campaign.ScanSource`. Raises BimVerifyError when the file is damaged or no return is left."""
         if block_size < 1:
             raise ValueError("block_size must be at least 1")
@@ -144,11 +144,16 @@ class ScanFile(ABC):
         for index in range(len(self.setups)):
             if self.points_per_station[index] == 0:
                 continue
-            for columns in self.columns(index, block_size, attributes):
-                block = self._returns(index, columns, kept, dropped)
-                if len(block.offsets):
-                    returns += len(block.offsets)
-                    yield block
+            try:
+                for columns in self.columns(index, block_size, attributes):
+                    block = self._returns(index, columns, kept, dropped)
+                    if len(block.offsets):
+                        returns += len(block.offsets)
+                        yield block
+            except OSError as error:
+                raise BimVerifyError(
+                    f"Cannot read {self.path}: {error.strerror or error}. Check that it is still there."
+                ) from error
         if returns == 0:
             raise BimVerifyError(
                 f"{self.path} holds no valid return ({dropped.invalid} invalid, {dropped.zero} at zero, "

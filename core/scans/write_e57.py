@@ -106,7 +106,8 @@ def write_e57(
         try:
             _write(temporary, spools, scaled_integer_m)
         except libe57.E57Exception as error:
-            raise BimVerifyError(f"Cannot write {path}: {error}. Choose another place or free some space.") from error
+            why = str(error).splitlines()[0]
+            raise BimVerifyError(f"Cannot write {path}: {why}. Choose another place or free some space.") from error
 
 
 def _write(path: Path, spools: Sequence[_Spool], scaled_integer_m: float | None) -> None:

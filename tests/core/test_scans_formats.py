@@ -257,6 +257,13 @@ def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:
         open_scans([])
 
 
+def test_a_file_that_goes_away_is_an_error(written: tuple[Path, Cloud, float]) -> None:
+    source = open_scans([written[0]])
+    written[0].unlink()
+    with pytest.raises(BimVerifyError, match=written[0].name):
+        read_all(source)
+
+
 def test_declared_counts_are_not_trusted(tmp_path: Path) -> None:
     table = vertex_table(make_cloud(3))
     header = ply_header("binary_little_endian", table, count=10**15)

@@ -1,0 +1,119 @@
+"""Station after station: index its returns, look at every query position, keep what was seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model.on_element import ElementSurfaces
+from ..progress import Progress
+from ..scans.store import ReturnStore
+from .gather import CUT, LEAST_RANGE_M, SensorModel, gather
+from .sightings import Sightings, sight
+from .station_index import StationIndex, build_index, median_spacing, neighbour_angles
+
+
+@dataclass(frozen=True)
+class Queries:
+    """Positions to look at, in the local frame; ``shift`` is how far they stand from the plan. Metres."""
+
+    number: NDArray[np.int64]
+    """(N,) what ``Sightings.sample`` says of them."""
+    position: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    element: NDArray[np.int32]
+    triangle: NDArray[np.int32]
+    shift: NDArray[np.float64]
+
+
+class StationIndexes:
+    """The stations of a campaign, indexed one after the other; kept between passes when memory allows."""
+
+    def __init__(self, store: ReturnStore, origin: NDArray[np.float64]) -> None:
+        self._store = store
+        self._kept: dict[int, StationIndex] = {}
+        self.position = [s.position - origin for s in store.stations]
+        self.spacing = [math.nan for _ in store.stations]
+
+    def visit(
+        self, sensor: SensorModel, progress: Progress
+    ) -> Iterator[tuple[int, StationIndex, NDArray[np.float64] | None]]:
+        """Yield (station, index, sector) for every tile; sector (2,) is the azimuth range it owns, None for all."""
+        total = max(sum(self._store.count(s) for s in range(len(self.position))), 1)
+        done = 0
+        for station in range(len(self.position)):
+            count = self._store.count(station)
+            if count:
+                progress.update(done / total, f"Station {station + 1} of {len(self.position)}")
+                yield from self._tiles(station, sensor)
+            done += count
+        progress.update(1.0, "All stations done")
+
+    def _tiles(
+        self, station: int, sensor: SensorModel
+    ) -> Iterator[tuple[int, StationIndex, NDArray[np.float64] | None]]:
+        if station in self._kept:
+            yield station, self._kept[station], None
+            return
+        if math.isnan(self.spacing[station]):
+            self._measure_spacing(station)
+        if station in self._kept:
+            yield station, self._kept[station], None
+            return
+        for tile in self._store.tiles(station, self._margin(station, sensor)):
+            sector = np.array([tile.first, tile.last])
+            whole = tile.last - tile.first >= 2 * np.pi
+            yield station, build_index(tile.offsets, self.spacing[station]), None if whole else sector
+
+    def _margin(self, station: int, sensor: SensorModel) -> float:
+        widest = CUT * self.spacing[station]
+        if sensor.fixed is not None:
+            widest = max(widest, CUT * math.sqrt(math.log(2.0) / sensor.fixed.kappa) / LEAST_RANGE_M)
+        return 1.2 * math.asin(min(widest, 1.0))
+
+    def _measure_spacing(self, station: int) -> None:
+        rough = math.sqrt(4.0 * math.pi / self._store.count(station))
+        angles = []
+        for tile in self._store.tiles(station, 40.0 * rough):
+            index = build_index(tile.offsets, rough)
+            direction, angle = neighbour_angles(index, self._store.count(station))
+            angles.append(angle[tile.owns(direction)])
+            if self._store.fits and tile.last - tile.first >= 2 * np.pi:
+                measured = median_spacing(angles[0])
+                if 0.5 < measured / rough < 2.0:
+                    self._kept[station] = StationIndex(index.returns, index.bin_start, index.row_start, measured)
+                else:
+                    self._kept[station] = build_index(index.returns, measured if measured > 0 else rough)
+                self.spacing[station] = self._kept[station].spacing_rad
+                self._store.release(station)
+                return
+        measured = median_spacing(np.concatenate(angles))
+        self.spacing[station] = measured if measured > 0 else rough
+
+
+def look(
+    stations: StationIndexes, queries: Queries, surfaces: ElementSurfaces, sensor: SensorModel, progress: Progress
+) -> Sightings:
+    """What all stations saw at the queries, ordered by query and station."""
+    parts = []
+    for station, index, sector in stations.visit(sensor, progress):
+        position = stations.position[station]
+        relative = queries.position - position
+        chosen = np.einsum("ij,ij->i", relative, queries.normal) < 0
+        if sector is not None:
+            azimuth = np.arctan2(relative[:, 1], relative[:, 0]) % (2 * np.pi)
+            chosen &= (azimuth >= sector[0]) & (azimuth < sector[1])
+        row = np.flatnonzero(chosen)
+        evidence = gather(index, relative[row], queries.normal[row], sensor)
+        parts.append(
+            sight(
+                evidence, index, station, position, queries.number[row], queries.position[row], queries.normal[row],
+                queries.element[row], queries.triangle[row], queries.shift[row], surfaces,
+            )
+        )
+    seen = Sightings.join(parts)
+    return seen.rows(np.lexsort([seen.station, seen.sample]))

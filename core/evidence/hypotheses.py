@@ -1,0 +1,71 @@
+"""Where else could an element stand? Candidate shifts from what was seen before and behind its planned faces."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+SEARCH_M = 0.25
+"""How far from its plan an element is looked for. Farther away it is a new object, and the planned one is absent."""
+BIN_M = 0.005
+LEAST_GROUP_SHARE = 0.15
+"""A deviation counts when it is shared by at least this part of what was seen of the faces of one direction."""
+FACE_COSINE = 0.97
+MOST_FACES = 6
+
+
+def face_groups(normal: NDArray[np.float64], weight: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Group of each normal (M,) (-1: none of the main directions) and the main directions (G, 3), heaviest first."""
+    group = np.full(len(normal), -1, dtype=np.int64)
+    directions: list[NDArray[np.float64]] = []
+    free = np.ones(len(normal), dtype=np.bool_)
+    while free.any() and len(directions) < MOST_FACES:
+        rounded, inverse = np.unique(np.round(normal[free] * 8).astype(np.int64), axis=0, return_inverse=True)
+        if not (weight[free] > 0).any():
+            break
+        heaviest = int(np.argmax(np.bincount(inverse.ravel(), weight[free], minlength=len(rounded))))
+        seed = normal[free][inverse.ravel() == heaviest].mean(axis=0)
+        seed /= np.linalg.norm(seed)
+        member = free & (normal @ seed > FACE_COSINE)
+        if not member.any():
+            break
+        mean = (normal[member] * weight[member, None]).sum(axis=0)
+        group[member] = len(directions)
+        directions.append(mean / np.linalg.norm(mean))
+        free &= ~member
+    return group, np.array(directions).reshape(-1, 3)
+
+
+def candidate_shifts(
+    deviation: NDArray[np.float64],
+    normal: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    usable: NDArray[np.bool_],
+    beyond: float,
+) -> NDArray[np.float64]:
+    """Shifts (K, 3) [m] worth a test: peaks of the deviations of each face direction, farther than ``beyond``.
+
+    deviation (M,), normal (M, 3), weight (M,) of all sightings of one element; ``usable`` (M,) those that no other
+    element explains.
+    """
+    group, directions = face_groups(normal, weight)
+    edges = np.arange(-SEARCH_M, SEARCH_M + BIN_M, BIN_M)
+    shifts = []
+    for g, direction in enumerate(directions):
+        of = group == g
+        near = of & usable & (np.abs(deviation) < SEARCH_M)
+        if not near.any():
+            continue
+        histogram = np.histogram(deviation[near], edges, weights=weight[near])[0]
+        smooth = np.convolve(histogram, np.ones(3), mode="same")
+        total = weight[of].sum()
+        for _ in range(2):
+            peak = int(np.argmax(smooth))
+            if smooth[peak] < LEAST_GROUP_SHARE * total:
+                break
+            inside = near & (np.abs(deviation - 0.5 * (edges[peak] + edges[peak + 1])) < 1.5 * BIN_M)
+            level = float(np.average(deviation[inside], weights=weight[inside]))
+            if abs(level) > beyond:
+                shifts.append(level * direction)
+            smooth[max(peak - 4, 0) : peak + 5] = 0
+    return np.array(shifts).reshape(-1, 3)

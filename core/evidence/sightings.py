@@ -1,0 +1,150 @@
+"""What each station saw in the direction of each query position."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model.on_element import ElementSurfaces
+from ..model.raycast import RayScene
+from .gather import StationEvidence
+from .station_index import StationIndex
+
+BEYOND, AT, FRONT, THROUGH_GLASS = 0, 1, 2, 3
+"""The return lies behind the query (its ray passed through), on its surface, before it (and hides it), or behind glass."""
+ON_FACE_M = 0.005
+"""Depth within which the foot of a return must meet its own element's surface: sagitta of round members, chord error."""
+VISIBLE_SPACINGS = 1.1
+"""A query is in view when a ray passes this close, in point spacings (a square grid leaves 0.71 at most)."""
+GRAZE = 0.1
+"""Smallest cosine with which a planned surface can explain a return."""
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """One row for each pair of a query position and a station with a ray close by. Lengths in metres, local frame."""
+
+    sample: NDArray[np.int32]
+    station: NDArray[np.int16]
+    deviation: NDArray[np.float64]
+    """(M,) of the surface seen, along the planned outward normal."""
+    count: NDArray[np.int32]
+    """(M,) returns averaged."""
+    cosine: NDArray[np.float32]
+    distance: NDArray[np.float32]
+    point: NDArray[np.float32]
+    """(M, 3) the nearest return."""
+    glass: NDArray[np.bool_]
+    """(M,) the query lies on glass that this campaign looks through: a ray that passes is no evidence."""
+    log_masses: NDArray[np.float64]
+    """(M, 3) sums of log(m_occ + m_unk), log(m_emp + m_unk), log(m_unk) over the station's returns."""
+    on_face: NDArray[np.bool_]
+    """(M,) the ray meets the query's own element where it is planned, not the air beside its edge."""
+    explained: NDArray[np.bool_]
+    """(M,) another planned surface lies closer to the return than the query's own."""
+
+    def __len__(self) -> int:
+        return len(self.sample)
+
+    def state(self, window: float) -> NDArray[np.uint8]:
+        """(M,) BEYOND, AT or FRONT, for a planned surface that may be off by ``window`` metres along its normal."""
+        own = (np.abs(self.deviation) <= window) & ~self.explained
+        passed = np.where(self.glass, THROUGH_GLASS, BEYOND)
+        return np.where(own, AT, np.where(self.deviation < 0, passed, FRONT)).astype(np.uint8)
+
+    def rows(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Sightings:
+        """A subset."""
+        return Sightings(**{name: value[chosen] for name, value in vars(self).items()})
+
+    @staticmethod
+    def join(parts: list[Sightings]) -> Sightings:
+        """All rows of several."""
+        return Sightings(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in vars(parts[0])})
+
+
+def sight(
+    evidence: StationEvidence,
+    index: StationIndex,
+    station: int,
+    position: NDArray[np.float64],
+    sample: NDArray[np.int64],
+    query: NDArray[np.float64],
+    normal: NDArray[np.float64],
+    element: NDArray[np.int32],
+    triangle: NDArray[np.int32],
+    shift: NDArray[np.float64],
+    surfaces: ElementSurfaces,
+) -> Sightings:
+    """Sightings of one station.
+
+    position (3,) of the station and query (N, 3) in the local frame, normal (N, 3), element and triangle (N,), sample
+    (N,) their numbers. ``shift`` (N, 3) is how far a query stands from its planned place (zero for the plan itself). Nothing is
+    explained yet.
+    """
+    row = np.flatnonzero(
+        (evidence.nearest >= 0) & (evidence.nearest_dy <= VISIBLE_SPACINGS * index.spacing_rad * evidence.distance)
+    )
+    offset = index.returns[evidence.nearest[row]]
+    reach = np.linalg.norm(offset, axis=1)
+    ray = offset / reach[:, None]
+    point = position + offset
+    n, q = normal[row], query[row]
+    level = np.einsum("ij,ij->i", point - q, n)
+    deviation = evidence.deviation[row]
+
+    slope = np.einsum("ij,ij->i", ray, n)
+    to_plane = np.einsum("ij,ij->i", q - position, n) / np.where(np.abs(slope) < 1e-6, -1e-6, slope)
+    crossing = np.where(
+        (np.abs(level) > ON_FACE_M)[:, None], position + ray * to_plane[:, None], point - level[:, None] * n
+    )
+    on_face = surfaces.contains(crossing - shift[row], n, element[row], triangle[row], ON_FACE_M)
+
+    return Sightings(
+        sample=sample[row].astype(np.int32),
+        station=np.full(len(row), station, dtype=np.int16),
+        deviation=deviation,
+        count=evidence.count[row],
+        cosine=evidence.cosine[row].astype(np.float32),
+        distance=evidence.distance[row].astype(np.float32),
+        point=point.astype(np.float32),
+        log_masses=np.column_stack([evidence.log_occ[row], evidence.log_emp[row], evidence.log_unk[row]]),
+        on_face=on_face,
+        explained=np.zeros(len(row), dtype=np.bool_),
+        glass=np.zeros(len(row), dtype=np.bool_),
+    )
+
+
+def explain(
+    seen: Sightings,
+    stations: NDArray[np.float64],
+    scene: RayScene,
+    sigma: float,
+    within: float,
+    but_not: NDArray[np.int32] | None = None,
+) -> NDArray[np.bool_]:
+    """(M,) whether another surface accounts for the return better than the query's own.
+
+    stations (S, 3) positions in the local frame. A surface in ``scene``, of another element or another face of the same
+    one, explains a return when the ray meets it from outside, it is nearer to the return along its normal than the
+    query's own surface, and not farther than ``within`` metres. ``but_not`` (M,) names an element that does not count.
+    """
+    explained = np.zeros(len(seen), dtype=np.bool_)
+    doubtful = np.flatnonzero((np.abs(seen.deviation) > 3.0 * sigma) & ~seen.explained)
+    if not len(doubtful):
+        return explained
+    point = seen.point[doubtful].astype(np.float64)
+    ray = point - stations[seen.station[doubtful]]
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    back = within / GRAZE
+    hits = scene.all_hits(point - back * ray, ray, 2 * back, most=8)
+    for distance, triangle, entering in zip(hits.distance, hits.triangle, hits.entering, strict=True):
+        met = (triangle >= 0) & entering
+        if but_not is not None:
+            met &= scene.element[triangle] != but_not[doubtful]
+        facing = np.abs(np.einsum("ij,ij->i", ray, scene.normal[triangle]))
+        with np.errstate(invalid="ignore"):
+            away = np.abs(distance - back) * facing
+        explained[doubtful] |= met & (away <= within) & (away + sigma < np.abs(seen.deviation[doubtful]))
+    return explained

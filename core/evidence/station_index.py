@@ -1,0 +1,256 @@
+"""The returns of one station, binned by direction.
+
+A station sees the world as a sphere: the returns whose rays pass a query position lie in a few bins around its direction,
+at any range, for occupied and for empty evidence alike. Bins are rows of elevation, each cut into columns of azimuth, so
+that the columns of a row that a query needs are one run of memory. Both angles are replaced by monotone functions of them
+that need no trigonometry per return.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import get_num_threads, njit, prange
+from numpy.typing import NDArray
+
+BIN_SPACINGS = 2.0
+"""Height of a row in point spacings: a few returns a bin."""
+FEWEST_ROWS = 16
+NEIGHBOURS = 12
+
+
+@njit(cache=True, nogil=True, inline="always")
+def pseudo_elevation(rho: float, z: float) -> float:
+    """Monotone in the elevation, -1 (down) to 1 (up); rho is the horizontal distance."""
+    total = rho + abs(z)
+    return z / total if total > 0.0 else 0.0
+
+
+@njit(cache=True, nogil=True, inline="always")
+def pseudo_azimuth(x: float, y: float) -> float:
+    """Monotone in the azimuth, 0 to 4."""
+    total = abs(x) + abs(y)
+    if total == 0.0:
+        return 0.0
+    a = y / total
+    if x < 0.0:
+        a = 2.0 - a
+    elif y < 0.0:
+        a += 4.0
+    return a
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _row(rho: float, z: float, rows: int) -> int:
+    return min(max(int((pseudo_elevation(rho, z) + 1.0) * 0.5 * rows), 0), rows - 1)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _column(x: float, y: float, columns: int) -> int:
+    return min(max(int(pseudo_azimuth(x, y) * 0.25 * columns), 0), columns - 1)
+
+
+@njit(cache=True, nogil=True)
+def _bin_of(p: NDArray[np.float64], rows: int, row_start: NDArray[np.int64]) -> int:
+    row = _row(math.sqrt(p[0] * p[0] + p[1] * p[1]), p[2], rows)
+    return row_start[row] + _column(p[0], p[1], row_start[row + 1] - row_start[row])
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _sort_into_bins(
+    offsets: NDArray[np.float64], rows: int, row_start: NDArray[np.int64], chunks: int
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Stable counting sort; the same result for any number of chunks."""
+    n, bins = len(offsets), row_start[-1]
+    where = np.empty(n, np.int32)
+    counts = np.zeros((chunks, bins), np.int32)
+    for c in prange(chunks):
+        for i in range(n * c // chunks, n * (c + 1) // chunks):
+            b = _bin_of(offsets[i], rows, row_start)
+            where[i] = b
+            counts[c, b] += 1
+    start = np.empty(bins + 1, np.int64)
+    place = np.empty((chunks, bins), np.int64)
+    total = 0
+    for b in range(bins):
+        start[b] = total
+        for c in range(chunks):
+            place[c, b] = total
+            total += counts[c, b]
+    start[bins] = total
+    out = np.empty((n, 3))
+    for c in prange(chunks):
+        for i in range(n * c // chunks, n * (c + 1) // chunks):
+            at = place[c, where[i]]
+            place[c, where[i]] = at + 1
+            out[at, 0] = offsets[i, 0]
+            out[at, 1] = offsets[i, 1]
+            out[at, 2] = offsets[i, 2]
+    return out, start
+
+
+@dataclass(frozen=True)
+class StationIndex:
+    """Returns of one station, sorted by direction."""
+
+    returns: NDArray[np.float64]
+    """(N, 3) metres, return minus station."""
+    bin_start: NDArray[np.int64]
+    row_start: NDArray[np.int64]
+    spacing_rad: float
+    """Median angle between neighbouring rays."""
+
+    @property
+    def rows(self) -> int:
+        return len(self.row_start) - 1
+
+
+def build_index(offsets: NDArray[np.float64], spacing_rad: float | None = None) -> StationIndex:
+    """Index returns (N, 3) given relative to their station [m], none of them at the station itself.
+
+    Without ``spacing_rad`` it is estimated from the returns.
+    """
+    offsets = np.ascontiguousarray(offsets, dtype=np.float64)
+    if spacing_rad is not None:
+        return _build(offsets, spacing_rad)
+    rough = _build(offsets, math.sqrt(4.0 * math.pi / max(len(offsets), 1)))
+    spacing_rad = median_spacing(neighbour_angles(rough, len(offsets))[1])
+    if not math.isfinite(spacing_rad):
+        return rough
+    if 0.5 < spacing_rad / rough.spacing_rad < 2.0:
+        return StationIndex(rough.returns, rough.bin_start, rough.row_start, spacing_rad)
+    return _build(rough.returns, spacing_rad)
+
+
+def _build(offsets: NDArray[np.float64], spacing_rad: float) -> StationIndex:
+    most_rows = max(FEWEST_ROWS, int(math.sqrt(0.8 * len(offsets))))  # no more bins than returns
+    rows = int(np.clip(math.pi / (BIN_SPACINGS * spacing_rad), FEWEST_ROWS, most_rows))
+    edge = np.linspace(-1.0, 1.0, rows + 1)
+    middle = 0.5 * (edge[1:] + edge[:-1])
+    cosine = (1.0 - np.abs(middle)) / np.hypot(middle, 1.0 - np.abs(middle))
+    columns = np.maximum(np.ceil(2.0 * rows * cosine), 4).astype(np.int64)
+    row_start = np.concatenate([[0], np.cumsum(columns)]).astype(np.int64)
+    returns, start = _sort_into_bins(offsets, rows, row_start, get_num_threads())
+    return StationIndex(returns, start, row_start, spacing_rad)
+
+
+@njit(cache=True, nogil=True)
+def row_range(q: NDArray[np.float64], radius: float, rows: int) -> tuple[int, int]:
+    """First and last row within ``radius`` [rad] of the direction q."""
+    elevation = math.atan2(q[2], math.sqrt(q[0] * q[0] + q[1] * q[1]))
+    low, high = elevation - radius, elevation + radius
+    first = 0 if low <= -0.5 * math.pi else _row(math.cos(low), math.sin(low), rows)
+    last = rows - 1 if high >= 0.5 * math.pi else _row(math.cos(high), math.sin(high), rows)
+    return first, last
+
+
+@njit(cache=True, nogil=True)
+def azimuth_half_width(q: NDArray[np.float64], radius: float) -> float:
+    """Half-width in azimuth [rad] of the cap of this radius around q; pi when the cap holds a pole."""
+    rho = math.sqrt(q[0] * q[0] + q[1] * q[1])
+    cosine = rho / math.sqrt(rho * rho + q[2] * q[2])
+    s = math.sin(radius)
+    return math.pi if s >= cosine or radius >= 0.5 * math.pi else math.asin(s / cosine)
+
+
+@njit(cache=True, nogil=True)
+def column_runs(
+    azimuth: float, half: float, row: int, row_start: NDArray[np.int64], bin_start: NDArray[np.int64]
+) -> tuple[int, int, int, int]:
+    """The returns of a row within ``half`` of an azimuth, as two runs [a, b) and [c, d) (the second where it wraps)."""
+    base = row_start[row]
+    columns = row_start[row + 1] - base
+    if half >= math.pi * 0.999:
+        return bin_start[base], bin_start[base + columns], 0, 0
+    first = _column(math.cos(azimuth - half), math.sin(azimuth - half), columns)
+    last = _column(math.cos(azimuth + half), math.sin(azimuth + half), columns)
+    if first <= last and half < 0.5 * math.pi:
+        return bin_start[base + first], bin_start[base + last + 1], 0, 0
+    if first > last:
+        return bin_start[base + first], bin_start[base + columns], bin_start[base], bin_start[base + last + 1]
+    return bin_start[base], bin_start[base + columns], 0, 0
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _neighbour_angles(
+    probe: NDArray[np.int64],
+    returns: NDArray[np.float64],
+    bin_start: NDArray[np.int64],
+    row_start: NDArray[np.int64],
+    start_radius: float,
+    wanted: int,
+) -> NDArray[np.float64]:
+    """Angle to the ``wanted``-th nearest ray of each probed return."""
+    rows = len(row_start) - 1
+    out = np.full(len(probe), np.nan)
+    for i in prange(len(probe)):
+        p = returns[probe[i]]
+        length = math.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
+        azimuth = math.atan2(p[1], p[0])
+        radius = start_radius
+        best = np.empty(wanted + 1)
+        for _ in range(8):
+            best[:] = 10.0
+            half = azimuth_half_width(p, radius)
+            first, last = row_range(p, radius, rows)
+            for row in range(first, last + 1):
+                a, b, c, d = column_runs(azimuth, half, row, row_start, bin_start)
+                for k in range(b - a + d - c):
+                    j = a + k if k < b - a else c + k - (b - a)
+                    o = returns[j]
+                    norm = math.sqrt(o[0] * o[0] + o[1] * o[1] + o[2] * o[2])
+                    x = p[0] / length - o[0] / norm
+                    y = p[1] / length - o[1] / norm
+                    z = p[2] / length - o[2] / norm
+                    angle = math.sqrt(x * x + y * y + z * z)
+                    if angle < best[wanted]:
+                        m = wanted
+                        while m > 0 and best[m - 1] > angle:
+                            best[m] = best[m - 1]
+                            m -= 1
+                        best[m] = angle
+            if best[wanted] <= radius:
+                out[i] = best[wanted]
+                break
+            radius *= 2.0
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _hash(p: NDArray[np.uint64]) -> int:
+    h = np.uint64(0x9E3779B97F4A7C15)
+    for k in range(3):
+        h ^= p[k]
+        h *= np.uint64(0xBF58476D1CE4E5B9)
+        h ^= h >> np.uint64(29)
+    return h
+
+
+@njit(cache=True, nogil=True)
+def _probes(bits: NDArray[np.uint64], below: int) -> NDArray[np.bool_]:
+    out = np.zeros(len(bits), np.bool_)
+    for i in range(len(bits)):
+        out[i] = _hash(bits[i]) < below
+    return out
+
+
+def neighbour_angles(index: StationIndex, total: int, probes: int = 4000) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Directions (M, 3) of about ``probes`` returns of the ``total`` of a station, and the spacing [rad] around each.
+
+    k rays within an angle a stand for pi a^2 / k of solid angle each, so the spacing is a sqrt(pi / k). The probes are
+    chosen by a hash of the return itself: neither order nor tiles change them.
+    """
+    share = min(probes / max(total, 1), 1.0)
+    chosen = np.flatnonzero(_probes(index.returns.view(np.uint64), np.uint64(share * (2.0**64 - 2048))))
+    angle = _neighbour_angles(
+        chosen, index.returns, index.bin_start, index.row_start, 3.0 * index.spacing_rad, NEIGHBOURS
+    )
+    return index.returns[chosen], angle * math.sqrt(math.pi / NEIGHBOURS)
+
+
+def median_spacing(angles: NDArray[np.float64]) -> float:
+    """Median of the spacings found [rad]; NaN when there are none."""
+    found = angles[np.isfinite(angles) & (angles > 0)]
+    return float(np.median(found)) if len(found) else math.nan

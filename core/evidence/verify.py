@@ -1,0 +1,170 @@
+"""From samples and stations to verdicts: plan first, then the places where an element could stand instead."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model.elements import BuildingModel
+from ..model.on_element import ElementSurfaces
+from ..model.raycast import RayScene
+from ..model.samples import SurfaceSamples
+from ..progress import Progress
+from .collect import Queries, StationIndexes, look
+from .decide import Context, Place, assess_place, choose, propose, sighting_area
+from .gather import SensorModel
+from .outline import RING_M, ring
+from .sightings import AT, BEYOND, Sightings, explain
+
+MOST_PROBES = 1500
+"""Query positions of an element that test a shifted place: shares to a few percent."""
+
+
+@dataclass(frozen=True)
+class Scenery:
+    """What every step needs: the model, its samples, the stations, and how returns are explained."""
+
+    model: BuildingModel
+    samples: SurfaceSamples
+    stations: StationIndexes
+    scene: RayScene
+    surfaces: ElementSurfaces
+    sensor: SensorModel
+    explain_within: float
+
+    @property
+    def station_positions(self) -> NDArray[np.float64]:
+        return np.array(self.stations.position).reshape(-1, 3)
+
+    def plan_queries(self) -> Queries:
+        """All exposed samples at their planned places."""
+        row = np.flatnonzero(self.samples.exposed)
+        s = self.samples
+        return Queries(row, s.position[row], s.normal[row], s.element[row], s.triangle[row], np.zeros((len(row), 3)))
+
+    def look(self, queries: Queries, progress: Progress) -> Sightings:
+        """Sightings with what the plan explains."""
+        return look(self.stations, queries, self.surfaces, self.sensor, progress)
+
+    def explain(self, seen: Sightings, element: NDArray[np.int32], as_built: RayScene | None) -> Sightings:
+        """The same sightings, with the returns that other surfaces explain.
+
+        These are all planned surfaces and, where some elements were found moved, what those others look like as built;
+        an element's own moved surface explains nothing, since it is what is looked for. ``element`` (M,) of the queries.
+        """
+        known = self.station_positions, self.sensor.sigma, self.explain_within
+        found = explain(seen, known[0], self.scene, *known[1:])
+        if as_built is not None:
+            found |= explain(seen, known[0], as_built, *known[1:], but_not=element)
+        return Sightings(**{**vars(seen), "explained": seen.explained | found})
+
+
+def with_glass(scenery: Scenery, seen: Sightings, triangle: NDArray[np.int32], see_through: bool) -> Sightings:
+    """The same sightings, knowing which queries (their ``triangle`` (M,)) lie on glass the scanner looked through."""
+    return Sightings(**{**vars(seen), "glass": scenery.model.transparent[triangle] & see_through})
+
+
+def looks_through_glass(scenery: Scenery, seen: Sightings, window: float) -> bool:
+    """Whether this campaign's rays pass planned glass more often than they return from it.
+
+    Some scanners and incidence angles give returns on panes; then a pane that is not there is as absent as a wall.
+    """
+    pane = seen.on_face & scenery.model.transparent[scenery.samples.triangle[seen.sample]]
+    state = seen.state(window)[pane]
+    return bool(np.sum(state == BEYOND) > np.sum(state == AT))
+
+
+def places(
+    scenery: Scenery, seen: Sightings, context: Context, see_through: bool, progress: Progress
+) -> tuple[list[Place], list[Place]]:
+    """For each element its planned place and the place that fits best.
+
+    Two rounds: the second knows which elements were found moved or absent, so that what a moved slab explains is no
+    longer taken for its neighbours.
+    """
+    element = scenery.samples.element[seen.sample]
+    seen = scenery.explain(seen, element, None)
+    plans, best = _round(scenery, seen, context, None, see_through, progress.part(0.0, 0.5))
+    moved = [k for k, place in enumerate(best) if place is not plans[k] or place.share < context.thresholds.absent_share]
+    if not moved:
+        return plans, best
+    shift = np.zeros((len(plans), 3))
+    for k in moved:
+        shift[k] = best[k].fit.vector if best[k] is not plans[k] else np.nan
+    as_built = RayScene(scenery.model, shift)
+    seen = scenery.explain(seen, element, as_built)
+    return _round(scenery, seen, context, as_built, see_through, progress.part(0.5, 1.0))
+
+
+def _round(
+    scenery: Scenery, seen: Sightings, context: Context, as_built: RayScene | None, progress: Progress
+) -> tuple[list[Place], list[Place]]:
+    samples = scenery.samples
+    count = len(scenery.model.elements)
+    first = np.searchsorted(samples.element, np.arange(count + 1))
+    edge = np.searchsorted(seen.sample, first)
+    plans, asked = [], []
+    for e in range(count):
+        part = seen.rows(np.arange(edge[e], edge[e + 1]))
+        local = part.sample.astype(np.int64)
+        area = sighting_area(part, samples.area[local])
+        plans.append(assess_place(np.zeros(3), part, local, samples, area, context))
+        asked += [(e, shift) for shift in propose(part, local, samples, plans[e], context)]
+    if not asked:
+        return plans, plans
+    others = _probe(scenery, asked, first, as_built, see_through, context, progress)
+    return plans, [choose(plans[e], others.get(e, []), context) for e in range(count)]
+
+
+def _probe(
+    scenery: Scenery, asked: list[tuple[int, NDArray[np.float64]]], first: NDArray[np.int64],
+    as_built: RayScene | None, see_through: bool, context: Context, progress: Progress,
+) -> dict[int, list[Place]]:
+    """Assess the shifted places asked for."""
+    samples = scenery.samples
+    own, around = [], []
+    margin = max(RING_M, 2.0 * float(np.median(scenery.stations.spacing)) * 5.0)
+    for e, shift in asked:
+        rows = np.arange(first[e], first[e + 1])
+        rows = rows[:: max(len(rows) // MOST_PROBES, 1)]
+        own.append(rows)
+        around.append(ring(samples.position[rows] + shift, samples.normal[rows], shift, margin))
+    sample = np.concatenate(own)
+    shifts = np.array([s for _, s in asked])
+    size = np.array([len(r) for r in own])
+    ring_size = np.array([len(p) for p, _ in around])
+    ring_start = len(sample) + np.concatenate([[0], np.cumsum(ring_size)])
+    start = np.concatenate([[0], np.cumsum(size)])
+    ask_of = np.concatenate([np.repeat(np.arange(len(asked)), size), np.repeat(np.arange(len(asked)), ring_size)])
+    queries = Queries(
+        number=np.arange(len(ask_of)),
+        position=np.concatenate([samples.position[sample] + shifts[ask_of[: len(sample)]], *(p for p, _ in around)]),
+        normal=np.concatenate([samples.normal[sample], *(n for _, n in around)]),
+        element=np.array([e for e, _ in asked], dtype=np.int32)[ask_of],
+        triangle=np.concatenate([samples.triangle[sample], samples.triangle[sample[start[ask_of[len(sample) :]]]]]),
+        shift=shifts[ask_of],
+    )
+    seen = scenery.look(queries, progress)
+    seen = scenery.explain(seen, queries.element[seen.sample], as_built)
+    seen = with_glass(scenery, seen, queries.triangle[seen.sample], see_through)
+    found: dict[int, list[Place]] = {}
+    for k, (e, shift) in enumerate(asked):
+        a, b = np.searchsorted(seen.sample, [start[k], start[k + 1]])
+        part = seen.rows(np.arange(a, b))
+        local = sample[part.sample]
+        area = sighting_area(part, samples.area[local] * ((first[e + 1] - first[e]) / size[k]))
+        place = assess_place(shift, part, local, samples, area, context)
+        a, b = np.searchsorted(seen.sample, [ring_start[k], ring_start[k + 1]])
+        if not _goes_on(seen.rows(np.arange(a, b)), context):
+            found.setdefault(e, []).append(place)
+    return found
+
+
+def _goes_on(around: Sightings, context: Context) -> bool:
+    """Whether the surface continues beyond the element's outline, so that it belongs to something larger."""
+    if len(around) == 0:
+        return False
+    level = np.abs(around.deviation) <= max(3.0 * context.sigma, 0.008)
+    return float(np.mean(level & ~around.explained)) > context.thresholds.outline_share

@@ -1,0 +1,51 @@
+"""USIBD levels of accuracy and the arithmetic of tolerances and confidences."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+from scipy.special import ndtr, ndtri
+
+UPPER_BOUND_M: dict[int, float] = {10: 0.15, 20: 0.05, 30: 0.015, 40: 0.005, 50: 0.001}
+"""Upper bound of each level at 95 % (two sigma), metres."""
+LEVELS = (10, 20, 30, 40, 50)
+
+
+def level_sigma(level: int) -> float:
+    """Standard deviation of a level, metres: half its upper bound."""
+    return UPPER_BOUND_M[level] / 2.0
+
+
+def label(level: int | None) -> str:
+    """``LOA30``, or ``NONE``."""
+    return f"LOA{level}" if level else "NONE"
+
+
+def relative_tolerance(first: float, second: float, rule: Literal["quadratic", "linear"] = "quadratic") -> float:
+    """Tolerance between two objects of tolerances T1 and T2, same unit: sqrt(T1^2 + T2^2) or T1 + T2."""
+    return math.hypot(first, second) if rule == "quadratic" else first + second
+
+
+def worst_voxel_shift(edge: float) -> float:
+    """Largest distance of a point from the centre of its voxel, same unit as ``edge``: sqrt(3)/2 edge."""
+    return math.sqrt(3.0) / 2.0 * edge
+
+
+def convert_confidence(confidence: float, sigma_from: float, sigma_to: float) -> float:
+    """Confidence that holds for one standard deviation, carried to another.
+
+    z = Phi^-1((1 + conf)/2); conf' = 2 Phi(z sigma_to / sigma_from) - 1.
+    """
+    z = float(ndtri((1.0 + confidence) / 2.0))
+    return float(2.0 * ndtr(z * sigma_to / sigma_from) - 1.0)
+
+
+def probability_within(bound: float, sigma: float) -> float:
+    """P(|x| <= bound) of a centred normal variable: 2 Phi(bound / sigma) - 1."""
+    return float(2.0 * ndtr(bound / sigma) - 1.0)
+
+
+def convert_belief(belief: float, sigma_measured: float, sigma_level: float) -> float:
+    """Belief carried to a level: P(Z) bel / 0.95 with Z = sigma_level / sigma_measured (the table's conversion)."""
+    return probability_within(sigma_level, sigma_measured) * belief / 0.95
