@@ -14,17 +14,21 @@ from .rows import nice_limit_mm
 
 Scale = Callable[[float], float]
 WIDTH, HEIGHT = 560, 260
-LEFT, RIGHT, TOP, BOTTOM = 46, 12, 20, 42
+LEFT, RIGHT, TOP, BOTTOM = 46, 22, 20, 42
 
 
 def deviation_histogram(result: VerificationResult, color_limit_m: float, bins: int = 61) -> Markup | None:
-    """Measured area over signed deviation, with the band of the level asked for; None where nothing was measured."""
+    """Measured area over signed deviation, with the band of the level asked for; None where nothing was measured.
+
+    The axis reaches at most twice the level's bound; what lies beyond is gathered in the outermost bars.
+    """
     deviation = result.evidence.deviation
     known = np.isfinite(deviation)
     if not known.any():
         return None
     bound = UPPER_BOUND_M[result.options.loa] * 1000.0
-    limit = nice_limit_mm(deviation, 1.3 * bound, 0.98)
+    limit = nice_limit_mm(deviation, bound / 2.0, 0.98, most_mm=2.0 * bound)
+    beyond = [bool((deviation[known] < -limit / 1000.0).any()), bool((deviation[known] > limit / 1000.0).any())]
     values = np.clip(deviation[known].astype(np.float64) * 1000.0, -limit, limit)
     area, edge = np.histogram(values, bins=bins, range=(-limit, limit), weights=result.samples.area[known])
     share = 100.0 * area / area.sum()
@@ -32,18 +36,26 @@ def deviation_histogram(result: VerificationResult, color_limit_m: float, bins: 
     x = _scale(-limit, limit, LEFT, WIDTH - RIGHT)
     y = _scale(0.0, top, HEIGHT - BOTTOM, TOP)
     color = to_bytes(deviation_color((edge[1:] + edge[:-1]) / 2000.0, color_limit_m))
-    parts = [_rect(x(-bound), TOP, x(bound) - x(-bound), HEIGHT - BOTTOM - TOP, "band")]
+    shown = min(bound, limit)
+    parts = [_rect(x(-shown), TOP, x(shown) - x(-shown), HEIGHT - BOTTOM - TOP, "band")]
     parts += _y_axis(y, top, " %")
     for k in range(bins):
         if share[k] > 0:
             fill = "#{:02x}{:02x}{:02x}".format(*color[k])
-            tip = f"{edge[k]:+.1f} to {edge[k + 1]:+.1f} mm: {share[k]:.1f} % of the measured area"
+            span = f"{edge[k]:+.1f} to {edge[k + 1]:+.1f} mm"
+            if (k == 0 and beyond[0]) or (k == bins - 1 and beyond[1]):
+                span = f"{'below' if k == 0 else 'above'} {edge[1] if k == 0 else edge[k]:+.1f} mm"
+            tip = f"{span}: {share[k]:.1f} % of the measured area"
             parts.append(_bar(x(edge[k]) + 0.4, y(share[k]), x(edge[k + 1]) - x(edge[k]) - 0.8, y(0) - y(share[k]),
-                              f'fill="{fill}"', tip))  # fmt: skip
+                              f'class="bin" fill="{fill}"', tip))  # fmt: skip
     parts.append(f'<line class="zero" x1="{x(0):.1f}" x2="{x(0):.1f}" y1="{TOP}" y2="{y(0):.1f}"/>')
-    parts += [_label(x(v), HEIGHT - BOTTOM + 16, _signed(v)) for v in np.linspace(-limit, limit, 5)]
+    ticks = [_signed(v) for v in np.linspace(-limit, limit, 5)]
+    ticks[0], ticks[-1] = ("≤ " if beyond[0] else "") + ticks[0], ("≥ " if beyond[1] else "") + ticks[-1]
+    parts += [
+        _label(x(v), HEIGHT - BOTTOM + 16, tick) for v, tick in zip(np.linspace(-limit, limit, 5), ticks, strict=True)
+    ]
     parts.append(_label((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 6, "deviation from the planned surface, mm"))
-    parts.append(_label(x(bound) - 4, TOP + 12, f"LOA{result.options.loa} ±{bound:g}", "end", "tag"))
+    parts.append(_label(x(shown) - 4, TOP - 6, f"LOA{result.options.loa} ±{bound:g}", "end", "tag"))
     return _svg(parts, f"Histogram of deviations, share of the measured area, from {-limit:g} to {limit:g} millimetres")
 
 
@@ -75,7 +87,7 @@ def level_chart(result: VerificationResult) -> Markup:
     seen = [v for v in result.verdicts if v.observed_count]
     weight = np.array([v.area * v.coverage for v in seen])
     step = (HEIGHT - TOP - BOTTOM) / len(LEVELS)
-    x = _scale(0.0, 100.0, LEFT + 62, WIDTH - RIGHT - 44)
+    x = _scale(0.0, 100.0, LEFT + 76, WIDTH - RIGHT - 34)
     parts = [_line(x(v), TOP - 6, x(v), HEIGHT - BOTTOM) for v in (0, 25, 50, 75, 100)]
     parts += [_label(x(v), HEIGHT - BOTTOM + 16, f"{v}") for v in (0, 25, 50, 75, 100)]
     for k, level in enumerate(LEVELS):
@@ -89,7 +101,7 @@ def level_chart(result: VerificationResult) -> Markup:
             parts.append(_rect(4, row - 2, WIDTH - 8, step - 2, "band"))
         bound = UPPER_BOUND_M[level] * 1000.0
         parts.append(_label(12, row + step / 2 + 1, f"LOA{level}", "start", "strong" if asked else ""))
-        parts.append(_label(58, row + step / 2 + 1, f"±{bound:g} mm", "start", "small"))
+        parts.append(_label(64, row + step / 2 + 1, f"±{bound:g} mm", "start", "small"))
         tip = f"{reached} of {len(seen)} observed elements reach LOA{level}"
         parts.append(_bar(x(0), row + 5, x(share) - x(0), step - 22, 'class="accent"', tip))
         tip = f"{area:.1f} % of the observed area is confirmed at LOA{level}"

@@ -99,10 +99,8 @@ def render_page(result: VerificationResult, *, progress: Progress | None = None)
         histogram=charts.deviation_histogram(result, limit),
         coverage=charts.coverage_chart(result),
         levels=charts.level_chart(result),
-        groups=[
-            ("By class", group_counts(rows, lambda row: str(row["class"]))),
-            ("By storey", group_counts(rows, lambda row: str(row["storey"] or "(no storey)"))),
-        ],
+        by_class=group_counts(rows, lambda row: str(row["class"])),
+        by_storey=group_counts(rows, lambda row: str(row["storey"] or "(no storey)"), 5),
         classes=sorted({row["class"] for row in rows}),
         storeys=sorted({row["storey"] for row in rows}),
         levels_asked=LEVELS,

@@ -155,10 +155,10 @@
     const bars = r.histogram.map((share, k) => {
       const middle = -r.limit + ((k + 0.5) / data.bins) * 2 * r.limit;
       const height = (share / top) * (H - B - 8);
-      return draw("rect", { x: (k * width + 0.5).toFixed(1), y: (H - B - height).toFixed(1), width: (width - 1).toFixed(1), height: height.toFixed(1), fill: ramp(middle / bound) },
+      return draw("rect", { x: (k * width + 0.5).toFixed(1), y: (H - B - height).toFixed(1), width: (width - 1).toFixed(1), height: height.toFixed(1), fill: ramp(middle / bound), class: share ? "bin" : "" },
         draw("title", {}, `about ${mm(middle, 1, true)} mm: ${(100 * share).toFixed(1)} % of its measured area`));
     });
-    const band = draw("rect", { class: "band", x: x(-bound).toFixed(1), y: 1, width: (x(bound) - x(-bound)).toFixed(1), height: H - B - 1 });
+    const band = draw("rect", { class: "band", x: Math.max(x(-bound), 0).toFixed(1), y: 1, width: (Math.min(x(bound), W) - Math.max(x(-bound), 0)).toFixed(1), height: H - B - 1 });
     const labels = [-1, -0.5, 0, 0.5, 1].map((f) => draw("text", { x: x(f * r.limit), y: H - 7, "text-anchor": f === -1 ? "start" : f === 1 ? "end" : "middle" }, f ? mm(f * r.limit, r.limit < 10 && f % 1 ? 1 : 0, true) : "0 mm"));
     return draw("svg", { class: "chart", viewBox: `0 0 ${W} ${H}`, role: "img", "aria-label": "Histogram of its deviations" },
       band, ...bars, draw("line", { class: "zero", x1: x(0), x2: x(0), y1: 1, y2: H - B }), ...labels);
@@ -180,12 +180,12 @@
           ["Occupied, empty, unknown", [r.occupied, r.empty, r.unknown].map(percent).join(", ")],
           ["Conflict", percent(r.conflict)],
         ])),
-        make("div", {}, make("h4", {}, "Confirmed at each level"), ladder(r), make("h4", { class: "gap" }, ""), keyValues([
+        make("div", {}, make("h4", {}, "Confirmed at each level"), ladder(r), keyValues([
           ["Asked, reached", `${r.required}, ${r.achieved === "NONE" ? "none" : r.achieved}`],
           ["Shift x, y, z", vector],
           ["Shift", r.shift === null ? "not determined" : `${mm(r.shift)} ± ${mm(r.shiftSigma)} mm`],
           ["Significant", significance],
-          ["Sigma measured, registered", `${mm(r.measurementSigma)}, ${mm(r.registrationSigma)} mm`],
+          ["Sigma measured, registration", `${mm(r.measurementSigma)}, ${mm(r.registrationSigma)} mm`],
         ])),
         make("div", {}, make("h4", {}, `Deviations, with LOA${data.required} shaded`), histogram(r)),
       )));

@@ -37,7 +37,7 @@ def element_rows(result: VerificationResult) -> list[dict[str, Any]]:
 
 
 def group_counts(
-    rows: list[dict[str, Any]], key: Callable[[dict[str, Any]], str], most: int = 12
+    rows: list[dict[str, Any]], key: Callable[[dict[str, Any]], str], most: int = 8
 ) -> list[tuple[str, int, list[int]]]:
     """(group, elements, count per status), largest first; groups beyond ``most`` come together as ``other``."""
     groups: dict[str, list[int]] = {}
@@ -50,10 +50,13 @@ def group_counts(
     return [(name, sum(counts), counts) for name, counts in ordered]
 
 
-def nice_limit_mm(values_m: NDArray[np.floating], least_mm: float, share: float = 0.99) -> float:
-    """A round limit that holds ``share`` of the absolute values and at least ``least_mm``."""
+def nice_limit_mm(
+    values_m: NDArray[np.floating], least_mm: float, share: float = 0.99, most_mm: float = math.inf
+) -> float:
+    """A round limit that holds ``share`` of the absolute values, from about ``least_mm`` to about ``most_mm``."""
     known = np.abs(values_m[np.isfinite(values_m)])
     wanted = max(least_mm, float(np.quantile(known, share)) * 1000.0 if len(known) else 0.0)
+    wanted = min(wanted, most_mm)
     return next((limit for limit in NICE_LIMITS_MM if limit >= wanted - 1e-9), NICE_LIMITS_MM[-1])
 
 
@@ -105,7 +108,7 @@ def _histogram(
 ) -> tuple[list[float] | None, float]:
     """Shares of the measured area in ELEMENT_BINS bins over plus and minus the limit [mm]; what is beyond, at the ends."""
     known = np.isfinite(deviation)
-    limit = nice_limit_mm(deviation, bound_mm)
+    limit = nice_limit_mm(deviation, bound_mm / 3.0)
     if not known.any():
         return None, limit
     values = np.clip(deviation[known].astype(np.float64) * 1000.0, -limit, limit)
