@@ -115,11 +115,9 @@ def _views(model: BuildingModel) -> list[tuple[str, str, Camera]]:
             continue
         name = storey or "Storey"
         box = np.array([[*bounds[0, :2], max(bounds[0, 2], z - 0.3)], bounds[1]])
-        views += [
-            (f"{name}, inside", f"cut {CUT_HEIGHT_M:.1f} m above the floor", view_of_box(box, 248, 50, SIZE, cut_z=cut)),
-            (f"{name}, plan", "cut at the same height; +y is up; numbers are stations",
-             view_of_box(box, 270, 90, SIZE, cut_z=cut)),
-        ]  # fmt: skip
+        inside, plan = view_of_box(box, 248, 50, SIZE, cut_z=cut), view_of_box(box, 270, 90, SIZE, cut_z=cut)
+        views.append((f"{name}, inside", f"cut {CUT_HEIGHT_M:.1f} m above the floor", inside))
+        views.append((f"{name}, plan", "cut at the same height; +y is up; numbers are stations", plan))
     if len(views) == 2:
         views.append(("Plan", "from above, +y is up; numbers are stations", view_of_box(bounds, 270, 90, SIZE)))
     return views

@@ -106,7 +106,10 @@ def _record(v: ElementVerdict) -> dict[str, Any]:
 def _histogram(
     deviation: NDArray[np.float32], area: NDArray[np.float64], bound_mm: float
 ) -> tuple[list[float] | None, float]:
-    """Shares of the measured area in ELEMENT_BINS bins over plus and minus the limit [mm]; what is beyond, at the ends."""
+    """Shares of the measured area in ELEMENT_BINS bins from minus to plus a limit, and that limit, millimetres.
+
+    What lies beyond the limit is in the first and last bin.
+    """
     known = np.isfinite(deviation)
     limit = nice_limit_mm(deviation, bound_mm / 3.0)
     if not known.any():
