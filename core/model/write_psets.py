@@ -223,11 +223,17 @@ def _same_file(first: Path, second: Path) -> bool:
 
 
 def _write_whole(file: Any, path: Path) -> bool:
-    """Write the IFC; False when it did not fit (versions of the library raise RuntimeError then, or say nothing)."""
+    """Write the IFC; False when it did not fit.
+
+    Versions of the library raise RuntimeError then and leave a file of their own beside ``path``, or say nothing.
+    """
     try:
         file.write(str(path), format=".ifc")
         with path.open("rb") as stream:
             stream.seek(max(path.stat().st_size - 64, 0))
             return END_OF_FILE in stream.read()
     except (RuntimeError, OSError):
+        for left in path.parent.iterdir():
+            if left.name.startswith(path.name + "."):
+                left.unlink(missing_ok=True)
         return False

@@ -166,7 +166,7 @@ class SamplePixels:
     weight: NDArray[np.float32]
     """(P, K) adding up to 1."""
 
-    def pixels(self, sample_colors: NDArray[np.float64]) -> NDArray[np.float32]:
+    def pixels(self, sample_colors: NDArray[np.floating]) -> NDArray[np.float32]:
         """(N, 3) colours of the samples, linear light, to (H*S, W*S, 3)."""
         linear = sample_colors.astype(np.float32)
         width, height = self.view.size
@@ -282,7 +282,7 @@ def _open_share(
     """
     row, column = np.nonzero(mask)
     phase = (row % 4) * 4 + column % 4
-    helper = np.where(np.abs(normal[:, [2]]) < 0.9, np.float32([[0, 0, 1]]), np.float32([[1, 0, 0]]))
+    helper = np.where(np.abs(normal[:, [2]]) < 0.9, np.array([[0, 0, 1]], np.float32), np.array([[1, 0, 0]], np.float32))
     tangent = np.cross(normal, helper)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     second = np.cross(normal, tangent)

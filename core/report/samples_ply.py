@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
 
 from ..results import VerificationResult
 from ..scans.write_ply import write_ply
@@ -18,7 +21,7 @@ def write_samples(path: str | Path, result: VerificationResult) -> None:
     samples, evidence = result.samples, result.evidence
     position = samples.position + result.model.origin
     color = to_bytes(belief_color(evidence.m_occ, evidence.m_emp, evidence.m_unk))
-    fields = {name: position[:, axis] for axis, name in enumerate(("x", "y", "z"))}
+    fields: dict[str, NDArray[Any]] = {name: position[:, axis] for axis, name in enumerate(("x", "y", "z"))}
     fields |= {name: samples.normal[:, axis] for axis, name in enumerate(("nx", "ny", "nz"))}
     fields |= {name: color[:, axis] for axis, name in enumerate(("red", "green", "blue"))}
     fields |= {
