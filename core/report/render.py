@@ -282,7 +282,8 @@ def _open_share(
     """
     row, column = np.nonzero(mask)
     phase = (row % 4) * 4 + column % 4
-    helper = np.where(np.abs(normal[:, [2]]) < 0.9, np.array([[0, 0, 1]], np.float32), np.array([[1, 0, 0]], np.float32))
+    axes = np.eye(3, dtype=np.float32)
+    helper = np.where(np.abs(normal[:, [2]]) < 0.9, axes[2], axes[0])
     tangent = np.cross(normal, helper)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     second = np.cross(normal, tangent)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import resource
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -156,6 +155,7 @@ def test_another_model_is_refused(tmp_path: Path) -> None:
 
 def test_full_disk_leaves_nothing(tmp_path: Path) -> None:
     """Whether the IFC library reports the failed write or leaves a file without its last line."""
+    resource = pytest.importorskip("resource")
     result = small_result(tmp_path)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4096, hard))
