@@ -55,6 +55,10 @@ class PlannedSurface:
         key = np.hstack([self.position, NORMAL_SCALE_M * self.normal])
         self._tree = cKDTree(key, balanced_tree=False, compact_nodes=False)
 
+    def near(self, position: NDArray[np.float64], margin: float) -> NDArray[np.bool_]:
+        """(N,) the position [m] lies inside the bounds of the exposed surface, widened by ``margin`` [m]."""
+        return ((position > self.bounds[0] - margin) & (position < self.bounds[1] + margin)).all(axis=1)
+
     def distance(self, position: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N,) distance in the search space of positions [m] and normals to the nearest place."""
         return self._tree.query(np.hstack([position, NORMAL_SCALE_M * normal]), workers=-1)[0]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import BimVerifyError
 from ..progress import Progress
 from . import transform as se3
 from .consensus import HALF_SUPPORT, agreement, search
@@ -34,6 +35,9 @@ STILL_M = 2e-6
 """The pose stands still when no match moves further than this, metres: a thousandth of the noise of a usual scanner."""
 MATCH_STEPS = 8
 WEIGHT_STEPS = 10
+FEWEST_MATCHES = 300
+"""Matched returns below which nothing is said about a campaign of any size."""
+ADVICE = "Check that model and scans are of the same building and in the same units, or let the pose be searched."
 DAMPING = 1e-7
 """Share of the trace added to the normal equations, so that a direction that nothing fixes stays where it is."""
 
@@ -73,7 +77,10 @@ def refine(
     scales: tuple[float, ...] = COARSE_SCALES_M,
     progress: Progress | None = None,
 ) -> Fit:
-    """Refine ``start`` (4x4, scan frame to local frame); see docs/alignment.md for the two stages."""
+    """Refine ``start`` (4x4, scan frame to local frame): coarse fit, search for the consensus, reweighted fine fit.
+
+    Raises BimVerifyError when too few returns come to lie on the planned surface.
+    """
     progress = progress or Progress()
     flat = np.flatnonzero(returns.flat)
     pose = coarse_pose(surface, returns, flat[:COARSE_RETURNS], start, scales, progress.part(0.0, 0.3))
@@ -119,6 +126,10 @@ def _settle(
     for outer in range(MATCH_STEPS):
         progress.update(outer / MATCH_STEPS, "Refining the alignment")
         position, matches = _match(surface, returns, chosen, pose, FINE_GATE_M)
+        if len(matches.row) < FEWEST_MATCHES:
+            raise BimVerifyError(
+                f"Too few returns agree with the model: {len(matches.row)} of {len(chosen)} chosen ones lie on it. {ADVICE}"
+            )
         residual = matches.residual
         total = np.zeros(6)
         center, extent = _center(position, np.ones(len(position)))
