@@ -51,17 +51,17 @@ def align_auto(
 ) -> AlignmentRecord:
     """Find the pose of a campaign, registered within itself and level to about 10 degrees, anywhere in the model.
 
-    Orientation histograms give headings, floors and ceilings give heights, and wall rasters give places; every candidate
-    is judged by rays that end on the planned surface less rays that pass through it, and the best one is refined as
-    in :func:`~.fine.align_fine`. Raises BimVerifyError when no pose fits, when two fit about equally well (a symmetric or
-    repeating building), when the scanner positions are not known, or for the reasons of ``align_fine``.
+    Orientation histograms give headings, floors and ceilings give heights, and wall rasters give places; every
+    candidate is judged by rays that end on the planned surface less rays that pass through it, and the best one is
+    refined as in :func:`~.fine.align_fine`. Raises BimVerifyError when no pose fits, when two fit about equally well
+    (a symmetric or repeating building), when the scanner positions are not known, or for the reasons of ``align_fine``.
     """
     progress = progress or Progress()
     returns = choose_returns(source, seed=seed, progress=progress.part(0.0, 0.2))
     if not returns.known.all():
         raise BimVerifyError(
-            f"{', '.join(returns_path for returns_path in source.paths)} names no scanner position, without which a pose "
-            "cannot be searched. Give the position or a coarse pose."
+            f"{', '.join(source.paths)} names no scanner position, without which a pose cannot be searched. "
+            "Give the position or a coarse pose."
         )
     flat = np.flatnonzero(returns.flat)
     if not len(flat):
@@ -112,8 +112,8 @@ def _best_pose(
     best = poses[order[0]]
     if score[order[0]] < LEAST_SCORE:
         raise BimVerifyError(
-            "No pose was found in which the scans fit the model. Check that they are of the same building and in metres, "
-            "or give a coarse pose."
+            "No pose was found in which the scans fit the model. Check that they are of the same building and in "
+            "metres, or give a coarse pose."
         )
     for k in order[1:]:
         if score[k] < AMBIGUOUS * score[order[0]]:

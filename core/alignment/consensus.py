@@ -17,9 +17,12 @@ TRIALS = 600
 FACES_PER_TRIAL = 5
 """Three faces fix a pose when they are at right angles; two more make most random draws well-conditioned."""
 HALF_SUPPORT = 50
-"""Matches at which a face counts half: a large face counts as one face, not by its area, so a moved slab is one vote."""
+"""Matches at which a face counts half: a large face counts as one face, not by its area, so a moved slab is one
+vote."""
 PRIOR_M = 0.1
 """How far from the coarse pose a draw may wander in directions that its faces do not fix, metres."""
+RIVAL = 0.9
+"""Share of the best score from which another motion is worth a fine fit of its own."""
 POLISHED = 12
 """Best draws that are polished on all faces before the last ranking."""
 POLISH_STEPS = 8
@@ -28,7 +31,8 @@ POLISH_STEPS = 8
 def search(
     position: Array, matches: Matches, faces: int, extent: float, *, sigma: float, gate: float, seed: int, keep: int
 ) -> list[Array]:
-    """Motions (6,) about the origin of ``position`` on which most faces agree, best first, at most ``keep`` distinct ones.
+    """Motions (6,) about the origin of ``position`` on which most faces agree, best first, at most ``keep`` distinct
+    ones.
 
     ``position`` (M, 3) are the matched returns [m] from the centre of rotation, ``extent`` their radius. Random draws
     of a few faces each give a motion (Fischler and Bolles 1981, with a local polish); it is ranked by the sum over all
@@ -52,7 +56,7 @@ def search(
     value = score.of(polished)
     chosen: list[Array] = []
     for k in np.argsort(-value, kind="stable"):
-        if all(np.linalg.norm(polished[k] - c) > sigma for c in chosen):
+        if value[k] > RIVAL * value.max() and all(np.linalg.norm(polished[k] - c) > sigma for c in chosen):
             chosen.append(polished[k])
     for motion_k in chosen:
         motion_k[:3] /= extent

@@ -46,7 +46,8 @@ def align_fine(
     ``start`` (4, 4) is the coarse pose, scan frame to model frame [m], up to about 0.5 m and 3 degrees off; None is the
     identity. ``sigma`` [m] is the standard deviation of one return along its ray. Elements that moved, are missing or
     hidden do not pull as long as most faces along each direction are unmoved. ``loa`` does not change the pose: the
-    record's ``inlier_ratio`` is the share of the returns within that level's bound of the planned surface (5 cm at most).
+    record's ``inlier_ratio`` is the share of the returns within that level's bound of the planned surface (5 cm at
+    most).
 
     Raises BimVerifyError when too few returns agree, or when the surfaces seen do not fix all six degrees of freedom.
     """
@@ -74,7 +75,7 @@ def make_record(
     _check_agreement(model, surface, returns, fit)
     progress.update(0.5, "Uncertainty of the alignment")
     found = assess(fit, surface.patch_element, len(model.elements))
-    carrying = fit.weight > 0
+    carrying = fit.weights.match > 0
     bound = np.hypot(UPPER_BOUND_M[loa], 2.0 * sigma)
     progress.update(1.0, "Aligned")
     return AlignmentRecord(

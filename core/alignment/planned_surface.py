@@ -13,13 +13,14 @@ from ..model.elements import BuildingModel
 from ..model.samples import SurfaceSamples
 
 MOST_SAMPLES = 300_000
-"""Query positions kept for the search; the plane through each is exact, so their spacing does not limit the accuracy."""
+"""Query positions kept for the search; the plane through each is exact, so their spacing does not limit the
+accuracy."""
 NORMAL_SCALE_M = 0.3
 """Metres that a unit difference of normals counts in the search: a face 10 cm further away but of the same orientation
 wins over one at right angles, and the back of a wall never wins over its front."""
 COMPATIBLE_COS = 0.82
-"""Least cosine (35 degrees) between a return's normal and the planned one: holds 3 degrees of a coarse pose and the error
-of a normal from a dozen returns, and tells faces at 45 degrees apart."""
+"""Least cosine (35 degrees) between a return's normal and the planned one: holds 3 degrees of a coarse pose and the
+error of a normal from a dozen returns, and tells faces at 45 degrees apart."""
 
 
 @dataclass(frozen=True)

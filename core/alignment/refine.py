@@ -12,19 +12,20 @@ from ..progress import Progress
 from . import transform as se3
 from .consensus import HALF_SUPPORT, agreement, search
 from .planned_surface import Matches, PlannedSurface
-from .robust_fit import coarse_weights, fine_weights, jacobian
+from .robust_fit import FineWeights, coarse_weights, fine_weights, jacobian
 from .subset import ReturnSubset
 
 COARSE_SCALES_M = (0.6, 0.6, 0.6, 0.4, 0.4, 0.4, 0.28, 0.28, 0.2, 0.2, 0.14, 0.14, 0.1, 0.1, 0.07, 0.07, 0.05, 0.05)
-"""Scales of the graduated kernel, metres: the first is about how far 0.5 m and 3 degrees move a wall at 5 m, the last is
-well above noise and tolerance, so that the fine stage starts where its medians mean something."""
+"""Scales of the graduated kernel, metres: the first is about how far 0.5 m and 3 degrees move a wall at 5 m, the
+last is well above noise and tolerance, so that the fine stage starts where its medians mean something."""
 GATE_SCALES = 2.0
 """Matches further away than this many scales are left out: their kernel weight is below 4 %."""
-COARSE_RETURNS = 12_000
+COARSE_RETURNS = 8_000
 SEARCH_RETURNS = 60_000
 FINE_RETURNS = 60_000
 SEARCH_GATE_M = 0.2
-"""Gate of the search for the consensus, metres: twelve centimetres of a moved slab and what it drags the coarse pose."""
+"""Gate of the search for the consensus, metres: twelve centimetres of a moved slab and what it drags the coarse
+pose."""
 CANDIDATES = 3
 FINE_GATE_M = 0.05
 """Gate of the fine stage, metres: 2.5 times the widest spread that is believed."""
@@ -55,14 +56,7 @@ class Fit:
     position: NDArray[np.float64]
     """(M, 3) matched returns, local frame."""
     matches: Matches
-    weight: NDArray[np.float64]
-    """(M,) 1/m2"""
-    face: NDArray[np.float64]
-    """(P,) 0..1 weight of each face."""
-    between: float
-    """Spread of faces about their planned place, metres."""
-    within: float
-    """Spread of returns within a face, metres."""
+    weights: FineWeights
     asked: int
     """Returns that were offered for matching."""
 
@@ -128,25 +122,33 @@ def _settle(
         position, matches = _match(surface, returns, chosen, pose, FINE_GATE_M)
         if len(matches.row) < FEWEST_MATCHES:
             raise BimVerifyError(
-                f"Too few returns agree with the model: {len(matches.row)} of {len(chosen)} chosen ones lie on it. {ADVICE}"
+                f"Too few returns agree with the model: {len(matches.row)} of {len(chosen)} lie on it. {ADVICE}"
             )
-        residual = matches.residual
-        total = np.zeros(6)
         center, extent = _center(position, np.ones(len(position)))
         rows = jacobian(position - center, matches.normal)
-        for _ in range(WEIGHT_STEPS):
-            matches = replace(matches, residual=residual + rows @ total)
-            weight, face, between, within = fine_weights(
-                matches, len(surface.patch_element), sigma=sigma, largest=LARGEST_SPREAD_M
-            )
-            twist = _solve(rows, matches.residual, weight, extent)
-            total += twist
-            if _reach(twist, extent) < STILL_M:
-                break
+        total, matches, weights = adjust(rows, matches, len(surface.patch_element), extent, sigma)
         pose = se3.exp_about(total, center) @ pose
         if _reach(total, extent) < 10 * STILL_M:
             break
-    return Fit(pose, center, extent, position, matches, weight, face, between, within, len(chosen))
+    return Fit(pose, center, extent, position, matches, weights, len(chosen))
+
+
+def adjust(
+    rows: NDArray[np.float64], matches: Matches, faces: int, extent: float, sigma: float
+) -> tuple[NDArray[np.float64], Matches, FineWeights]:
+    """Reweighted steps on fixed matches: the motion (6,), the matches with their residuals after it, and the weights.
+
+    ``rows`` (M, 6) is the Jacobian of the matches, ``extent`` [m] their radius, ``sigma`` [m] the noise of a return.
+    """
+    residual, total = matches.residual, np.zeros(6)
+    for _ in range(WEIGHT_STEPS):
+        weights = fine_weights(matches, faces, sigma=sigma, largest=LARGEST_SPREAD_M)
+        twist = _solve(rows, matches.residual, weights.match, extent)
+        total = total + twist
+        matches = replace(matches, residual=residual + rows @ total)
+        if _reach(twist, extent) < STILL_M:
+            break
+    return total, matches, weights
 
 
 def _votes(surface: PlannedSurface, fit: Fit, sigma: float) -> float:
@@ -178,7 +180,8 @@ def coarse_pose(
             continue
         weight = coarse_weights(matches, len(surface.patch_element), scale)
         center, extent = _center(position, weight)
-        pose = se3.exp_about(_solve(jacobian(position - center, matches.normal), matches.residual, weight, extent), center) @ pose
+        rows = jacobian(position - center, matches.normal)
+        pose = se3.exp_about(_solve(rows, matches.residual, weight, extent), center) @ pose
     return pose
 
 

@@ -15,6 +15,8 @@ from ..scans.campaign import ScanSource
 
 FIRST_CELL_M = 0.025
 """Edge of the cells at the start, metres; doubled while the campaign fills more of them than may be kept."""
+FARTHEST_M = 1e5
+"""Returns further from their station, and those that are not finite, are left out."""
 NEIGHBOURS = 12
 """Returns from which a normal is made: the fewest that still tell an edge from a face under millimetre noise."""
 FLATNESS = 0.02
@@ -54,12 +56,14 @@ class ReturnSubset:
         return np.einsum("ij,ij->i", self.normal, self.normal) > 0.5
 
 
-def choose_returns(source: ScanSource, *, most: int = 200_000, seed: int = 0, progress: Progress | None = None) -> ReturnSubset:
+def choose_returns(
+    source: ScanSource, *, most: int = 200_000, seed: int = 0, progress: Progress | None = None
+) -> ReturnSubset:
     """One return from each occupied cell of each station, at most ``most`` of them.
 
-    The cells are cubes about the station. Of the returns in a cell the one with the smallest hash is kept, and cells are
-    doubled while they are too many; both are independent of the order, the blocks and the files in which returns come.
-    Raises BimVerifyError when the source holds no returns.
+    The cells are cubes about the station. Of the returns in a cell the one with the smallest hash is kept, and cells
+    are doubled while they are too many; both are independent of the order, the blocks and the files in which returns
+    come. Raises BimVerifyError when the source holds no returns.
     """
     progress = progress or Progress()
     stations = source.stations
@@ -159,11 +163,12 @@ def _put(keys, hashes, kept, owner, x, y, z, bits, station, station_name, cell):
 
 @njit(cache=True, nogil=True)
 def _insert(keys, hashes, kept, owner, offsets, begin, station, station_name, cell, filled, most):  # type: ignore[no-untyped-def]
-    """Offer returns from ``begin`` on until more than ``most`` cells are filled; where it stopped, and the cells filled."""
+    """Offer returns from ``begin`` on until more than ``most`` cells are filled; where it stopped, and the cells
+    filled."""
     bits = offsets.view(np.uint64)
     for i in range(begin, len(offsets)):
         x, y, z = offsets[i, 0], offsets[i, 1], offsets[i, 2]
-        if not (np.isfinite(x) and np.isfinite(y) and np.isfinite(z)):
+        if not (abs(x) < FARTHEST_M and abs(y) < FARTHEST_M and abs(z) < FARTHEST_M):
             continue
         filled += _put(keys, hashes, kept, owner, x, y, z, bits[i], station, station_name, cell)
         if filled > most:

@@ -17,9 +17,14 @@ UNFIXED = 1e-3
 """Least share of an average direction's information. Faces within 2 degrees of parallel to a direction, about what
 a wavy floor or a badly modelled wall offers by accident, give 1e-3."""
 FEWEST_RETURNS = 25.0
-"""Least information along a direction, in returns that face it squarely: fewer may agree by accident in a 10 cm gate."""
+"""Least information along a direction, in returns that face it squarely: fewer may agree by accident in a 10 cm
+gate."""
 LARGEST_LEVERAGE = 0.9
-"""Share of a direction's information beyond which an element is not left out of it: nothing would be left to check it by."""
+"""Share of a direction's information beyond which an element is not left out of it: nothing would be left to check
+it by."""
+TUKEY_EFFICIENCY = 0.95
+FEWEST_FREE = 2.0
+"""Least number of elements counted as left over; fewer make the factor meaningless, and the jackknife speaks then."""
 ALONE = 1.5
 """Effective number of elements below which a direction is said to hang on one of them."""
 WORST_SIGMA_M = 0.05
@@ -44,12 +49,13 @@ def assess(fit: Fit, patch_element: NDArray[np.int32], elements: int) -> Uncerta
     The covariance is the larger, in every direction, of two estimates: the jackknife over elements (cluster-robust
     sandwich CR3 of Bell and McCaffrey 2002), which holds whatever the residuals inside an element do, and a model in
     which each element is off as a whole by the spread seen between all faces, which holds when few elements carry a
-    direction. Both are raised by the loss of a redescending estimator, (sum psi' / sum w)^-2 (Huber 1981, ch. 6).
+    direction. The first is raised by (sum w / sum psi')^2, because its slopes come from weights (Huber 1981, ch. 6),
+    the second by the efficiency of the weights and by G / (G - 6) for the six unknowns that G elements gave.
     """
     scale = np.array([fit.extent] * 3 + [1.0] * 3)
     rows = jacobian(fit.position - fit.center, fit.matches.normal) / scale
     element = patch_element[fit.matches.patch]
-    weight = fit.weight
+    weight = fit.weights.match
     weighted = weight[:, None] * rows
     own = _sum_by(element, weighted[:, :, None] * rows[:, None, :], elements)
     gradient = _sum_by(element, weighted * fit.matches.residual[:, None], elements)
@@ -58,9 +64,10 @@ def assess(fit: Fit, patch_element: NDArray[np.int32], elements: int) -> Uncerta
     _check_fixed(information, rows[weight > 0])
     inverse = np.linalg.inv(information)
     jackknife = _jackknife(information, own, gradient)
-    noise = fit.within**2 * np.einsum("i,ij,ik->jk", weight**2, rows, rows)
-    between = fit.between**2 * np.einsum("eij,ekj->ik", shift, shift)
-    scaled = _efficiency_loss(fit.face) * _larger(inverse @ (noise + between) @ inverse, jackknife)
+    noise = fit.weights.within**2 * np.einsum("i,ij,ik->jk", weight**2, rows, rows)
+    between = fit.weights.between**2 * np.einsum("eij,ekj->ik", shift, shift)
+    model = inverse @ (noise + between) @ inverse / TUKEY_EFFICIENCY * _freedom_factor(information, own)
+    scaled = _larger(model, _slope_factor(fit.weights.face) * jackknife)
     sigma, direction = _largest(scaled)
     share = np.einsum("i,eij,j->e", direction, own, direction)
     carriers = float(share.sum() ** 2 / np.square(share).sum())
@@ -76,7 +83,9 @@ def assess(fit: Fit, patch_element: NDArray[np.int32], elements: int) -> Uncerta
 def _sum_by(group: NDArray[np.int32], values: Array, groups: int) -> Array:
     """(G, ...) sums of the values (M, ...) of each group."""
     flat = values.reshape(len(values), -1)
-    sums = np.stack([np.bincount(group, weights=column, minlength=groups) for column in flat.T], axis=-1)
+    sums = np.empty((groups, flat.shape[1]))
+    for k, column in enumerate(flat.T):
+        sums[:, k] = np.bincount(group, weights=column, minlength=groups)
     return sums.reshape(groups, *values.shape[1:])
 
 
@@ -93,7 +102,8 @@ def _check_fixed(information: Array, rows: Array) -> None:
 
 
 def _plain_directions(space: Array) -> list[Array]:
-    """Pure shifts and pure rotations that span (6, K) orthonormal ``space`` where there are such; else its own columns."""
+    """Pure shifts and pure rotations that span (6, K) orthonormal ``space`` where there are such; else its own
+    columns."""
     out: list[Array] = []
     projector = space @ space.T
     for part in (slice(3, 6), slice(0, 3)):
@@ -119,16 +129,25 @@ def _jackknife(information: Array, own: Array, gradient: Array) -> Array:
     return out
 
 
+def _freedom_factor(information: Array, own: Array) -> float:
+    """G / (G - 6), G the number of elements that would carry the motion as evenly as these do."""
+    leverage = np.einsum("eij,ji->e", own, np.linalg.inv(information))
+    elements = leverage.sum() ** 2 / np.square(leverage).sum()
+    return float(elements / max(elements - 6.0, FEWEST_FREE))
+
+
 def _larger(first: Array, second: Array) -> Array:
-    """The smallest covariance that is at least ``second``, and ``first``, along the principal directions of their ratio."""
+    """The smallest covariance that is at least ``second``, and ``first``, along the principal directions of their
+    ratio."""
     root = np.linalg.cholesky(first)
     ratio = np.linalg.solve(root, np.linalg.solve(root, second).T)
     value, vector = np.linalg.eigh(0.5 * (ratio + ratio.T))
     axes = root @ vector
-    return (axes * np.maximum(value, 1.0)) @ axes.T
+    larger: Array = (axes * np.maximum(value, 1.0)) @ axes.T
+    return larger
 
 
-def _efficiency_loss(face: Array) -> float:
+def _slope_factor(face: Array) -> float:
     """(sum w / sum psi')^2 of the biweight: with u the standardised median, w = (1-u2)^2 and psi' = (1-u2)(1-5u2)."""
     inside = np.sqrt(face[face > 0])
     slope = float(np.sum(inside * (5.0 * inside - 4.0)))

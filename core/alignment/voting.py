@@ -57,8 +57,8 @@ def level(normal: Array) -> Array:
 def vote(scan: Array, scan_normal: Array, plan: Array, plan_normal: Array, plan_area: Array) -> Array:
     """(K, 4, 4) candidate poses of the levelled returns in the plan, each from one heading, height and place.
 
-    ``scan`` and ``scan_normal`` (N, 3) are returns near the origin, normals turned to their station; ``plan`` (M, 3) are
-    places on the planned surface with outward normals and areas [m2]. All metres.
+    ``scan`` and ``scan_normal`` (N, 3) are returns near the origin, normals turned to their station; ``plan`` (M, 3)
+    are places on the planned surface with outward normals and areas [m2]. All metres.
     """
     heights = _heights(scan, scan_normal, plan, plan_normal, plan_area)
     wall, planned = np.abs(scan_normal[:, 2]) < UPRIGHT_COS, np.abs(plan_normal[:, 2]) < UPRIGHT_COS
@@ -79,7 +79,8 @@ def _headings(scan_normal: Array, plan_normal: Array, area: Array) -> Array:
     for normal, weight in ((scan_normal, None), (plan_normal, area)):
         angle = np.degrees(np.arctan2(normal[:, 1], normal[:, 0])) % 360.0
         count = np.bincount((angle / YAW_STEP_DEG).astype(np.int64) % bins, weights=weight, minlength=bins)
-        spectra.append(np.fft.rfft(gaussian_filter1d(count.astype(np.float64), YAW_SMOOTH_DEG / YAW_STEP_DEG, mode="wrap")))
+        smooth = gaussian_filter1d(count.astype(np.float64), YAW_SMOOTH_DEG / YAW_STEP_DEG, mode="wrap")
+        spectra.append(np.fft.rfft(smooth))
     match = np.fft.irfft(np.conj(spectra[0]) * spectra[1], bins)
     chosen: list[int] = []
     for k in np.argsort(-match, kind="stable"):
@@ -146,7 +147,8 @@ def _places(scan: Array, scan_normal: Array, plan: Array, plan_normal: Array) ->
 
 
 def _raster(xyz: Array, normal: Array, sector: int, low: Array, cell: float, size: int) -> Array:
-    """Which cells hold a wall of the sector (1 or 0), slightly blurred; sectors are centred on the axes and diagonals."""
+    """Which cells hold a wall of the sector (1 or 0), slightly blurred; sectors are centred on the axes and
+    diagonals."""
     turn = np.arctan2(normal[:, 1], normal[:, 0]) / (2.0 * np.pi) * SECTORS
     own = np.round(turn).astype(np.int64) % SECTORS == sector
     grid = ((xyz[own, :2] - low) / cell).astype(np.int64)

@@ -49,8 +49,11 @@ def box(name: str, low: Sequence[float], high: Sequence[float]) -> Box:
     return Box(name, np.array(low, dtype=np.float64), np.array(high, dtype=np.float64))
 
 
-def building_model(boxes: Sequence[Box], *, turn: float = 0.0, origin: Sequence[float] = (0.0, 0.0, 0.0)) -> BuildingModel:
-    """The boxes as a model; ``turn`` [rad] about the vertical, ``origin`` (3,) [m] of the local frame in the model frame."""
+def building_model(
+    boxes: Sequence[Box], *, turn: float = 0.0, origin: Sequence[float] = (0.0, 0.0, 0.0)
+) -> BuildingModel:
+    """The boxes as a model; ``turn`` [rad] about the vertical, ``origin`` (3,) [m] of the local frame in the model
+    frame."""
     c, s = np.cos(turn), np.sin(turn)
     rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     corners = np.concatenate([b.low + _CORNERS * (b.high - b.low) + b.shift for b in boxes])
@@ -160,8 +163,8 @@ def scan(
 ) -> ArraySource:
     """A levelled scanner at each of ``stations`` (S, 3) [m, local frame]; normal range ``noise`` [m] along the ray.
 
-    Directions are a regular grid of ``step_deg``, from 60 degrees below the horizon to the zenith. The source's frame is
-    the local frame of ``built``.
+    Directions are a regular grid of ``step_deg``, from 60 degrees below the horizon to the zenith. The source's
+    frame is the local frame of ``built``.
     """
     scene = RayScene(built)
     rng = np.random.default_rng(seed)
