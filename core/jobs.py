@@ -3,91 +3,210 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from . import evidence as _evidence  # noqa: F401
+from .. import __version__
+from .alignment.align import align
+from .alignment.transform import TransformedSource
 from .errors import BimVerifyError
 from .evidence import decide
 from .evidence.collect import StationIndexes
-from .evidence.decide import Context
-from .evidence.verify import Scenery, looks_through_glass, places, with_glass
+from .evidence.decide import Context, Place
 from .evidence.fuse_samples import fuse_samples
 from .evidence.gather import SensorModel
 from .evidence.registration import estimate_registration_sigma
+from .evidence.sightings import Sightings
 from .evidence.thresholds import Thresholds
+from .evidence.verify import Scenery, looks_through_glass, places, with_glass
 from .model.elements import BuildingModel
 from .model.load import load_model
 from .model.on_element import ElementSurfaces
 from .model.raycast import RayScene
-from .model.sample_surface import sample_surface
-from .model.samples import SurfaceSamples
+from .model.sample_surface import MOST, sample_surface
 from .options import VerifyOptions
 from .progress import Progress
-from .results import AlignmentRecord, StationRecord, VerificationResult
+from .results import AlignmentRecord, ElementVerdict, StationRecord, VerificationResult
 from .scans.campaign import ScanSource
+from .scans.frame import to_model_frame
+from .scans.open import open_scans
 from .scans.store import ReturnStore
 from .sensing.loa import UPPER_BOUND_M, level_sigma
 from .sensing.presets import PRESETS, ZONE_SIGMAS
 
 
-def verify_source(
-    model: BuildingModel, source: ScanSource, options: VerifyOptions, progress: Progress
-) -> VerificationResult:
-    timings: dict[str, float] = {}
-    clock = time.perf_counter()
+@dataclass
+class Stopwatch:
+    """Seconds per stage."""
 
-    def lap(name: str) -> None:
-        nonlocal clock
+    seconds: dict[str, float] = field(default_factory=dict)
+    _last: float = field(default_factory=time.perf_counter)
+
+    def lap(self, stage: str) -> None:
         now = time.perf_counter()
-        timings[name] = now - clock
-        clock = now
+        self.seconds[stage] = now - self._last
+        self._last = now
 
+
+def verify(
+    model: BuildingModel | str | Path,
+    scans: ScanSource | Sequence[str | Path],
+    options: VerifyOptions | None = None,
+    progress: Progress | None = None,
+) -> VerificationResult:
+    """Verify every element of a model against scans.
+
+    ``model`` and ``scans`` may be files or what was read from them. Nothing is written. Raises BimVerifyError with one
+    sentence when a file cannot be used, when the scans do not come near the model, or when an alignment is asked for that
+    the geometry does not fix.
+    """
+    options = options or VerifyOptions()
+    progress = progress or Progress()
+    with _threads(options.threads):
+        watch = Stopwatch()
+        if not isinstance(model, BuildingModel):
+            model = load_model(model, threads=options.threads, cache=options.cache, progress=progress.part(0.0, 0.1))
+        watch.lap("tessellation")
+        source = open_scans(scans, origin=options.origin) if isinstance(scans, Sequence) else scans
+        _check_stations(source)
+        source = to_model_frame(model, source, options.scan_frame)
+        return _verify(model, source, options, progress.part(0.1, 1.0), watch)
+
+
+def _verify(
+    model: BuildingModel, source: ScanSource, options: VerifyOptions, progress: Progress, watch: Stopwatch
+) -> VerificationResult:
+    progress.update(0.0, "Spreading query positions over the model")
     scene = RayScene(model)
     samples = sample_surface(model, options.sample_spacing, scene=scene)
-    lap("sample the model")
-    with ReturnStore(source, options.memory_gb, progress.part(0.1, 0.4)) as store:
-        lap("read the scans")
+    watch.lap("query positions")
+    record = align(model, samples, source, options, progress.part(0.05, 0.2))
+    if options.align != "none":
+        source = TransformedSource(source, record.transform)
+        watch.lap("alignment")
+    with ReturnStore(source, options.memory_gb, progress.part(0.2, 0.4)) as store:
+        watch.lap("reading")
         stations = StationIndexes(store, model.origin)
-        thresholds = Thresholds()
-        bound = UPPER_BOUND_M[options.loa]
-        sensor = SensorModel(
-            options.sigma, level_sigma(options.loa), None if options.preset == "derived" else PRESETS[options.preset]
+        scenery = Scenery(
+            model, samples, stations, scene, ElementSurfaces(model), _sensor(options),
+            explain_within=min(UPPER_BOUND_M[options.loa], Thresholds.explain_within) + 2 * options.sigma,
         )
-        explain = min(bound, thresholds.explain_within) + 2 * options.sigma
-        window = max(bound, thresholds.window_floor) + 3 * options.sigma
-        scenery = Scenery(model, samples, stations, scene, ElementSurfaces(model), sensor, explain)
-        seen = scenery.look(scenery.plan_queries(), progress.part(0.4, 0.8))
-        see_through = looks_through_glass(scenery, seen, window)
-        seen = with_glass(scenery, seen, samples.triangle[seen.sample], see_through)
-        lap("gather the evidence")
-        registration = estimate_registration_sigma(seen, samples, options.sigma, window)
-        context = Context(
-            options.loa, options.sigma, registration, window, see_through, thresholds, tuple(s.name for s in store.stations)
-        )
+        seen = scenery.look(scenery.plan_queries(), progress.part(0.4, 0.75))
+        if not len(seen):
+            raise BimVerifyError(_far_away(model, source))
+        context = _context(scenery, seen, options, record)
+        seen = with_glass(scenery, seen, samples.triangle[seen.sample], context.see_through)
         evidence = fuse_samples(
-            len(samples), seen, options.fusion, ZONE_SIGMAS * level_sigma(options.loa), registration,
-            thresholds.conflict_cap, options.sigma, window,
+            len(samples), seen, options.fusion, ZONE_SIGMAS * level_sigma(options.loa), context.registration_sigma,
+            context.thresholds.conflict_cap, options.sigma, context.window,
         )
-        lap("fuse")
-        plans, best = places(scenery, seen, context, progress.part(0.85, 1.0))
-        first = np.searchsorted(samples.element, np.arange(len(model.elements) + 1))
-        verdicts = [
-            decide.conclude(e, model, samples, slice(int(first[e]), int(first[e + 1])), evidence, plans[e], best[e], context)
-            for e in range(len(model.elements))
-        ]
-        lap("decide")
-        records = tuple(
-            StationRecord(
-                s.name, tuple(float(v) for v in s.position), store.count(i), stations.spacing[i], registration, s.known,
-                acquired=s.acquired, sensor=s.sensor,
-            )
-            for i, s in enumerate(store.stations)
+        watch.lap("evidence")
+        plans, best = places(scenery, seen, context, progress.part(0.75, 1.0))
+        watch.lap("decision")
+        result = VerificationResult(
+            model=model, options=options, verdicts=(), samples=samples, evidence=evidence,
+            stations=_station_records(store, stations, context), alignment=record, scan_paths=source.paths,
+            scan_date=max((s.acquired for s in store.stations), default=""),
+            method=f"bim_verify {__version__} {options.fusion}/{options.preset}",
+            dropped={k: int(v) for k, v in vars(source.dropped).items() if not k.startswith("_")},
+            timings=watch.seconds, warnings=tuple(_warnings(scenery, context, options)),
         )
-    return VerificationResult(
-        model=model, options=options, verdicts=tuple(verdicts), samples=samples, evidence=evidence, stations=records,
-        alignment=AlignmentRecord("none", np.eye(4), None), scan_paths=source.paths, scan_date="", method="x",
-        timings=timings,
+        return replace(result, verdicts=tuple(_conclude(scenery, result, plans, best, context)))
+
+
+@contextmanager
+def _threads(wanted: int) -> Iterator[None]:
+    import numba
+
+    before = numba.get_num_threads()
+    if wanted:
+        numba.set_num_threads(min(wanted, numba.config.NUMBA_NUM_THREADS))
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
+
+
+def _check_stations(source: ScanSource) -> None:
+    unknown = [s.name for s in source.stations if not s.known]
+    if unknown:
+        files = ", ".join(Path(p).name for p in source.paths)
+        raise BimVerifyError(
+            f"{files} names no scanner position ({len(unknown)} of {len(source.stations)} stations), and without one "
+            "nothing can be told from what a ray passed; give --origin X,Y,Z in metres, in the scan's own frame."
+        )
+
+
+def _sensor(options: VerifyOptions) -> SensorModel:
+    if options.preset != "derived" and options.preset not in PRESETS:
+        raise BimVerifyError(f"There is no preset {options.preset!r}; choose derived, {', '.join(sorted(PRESETS))}.")
+    fixed = None if options.preset == "derived" else PRESETS[options.preset]
+    return SensorModel(options.sigma, level_sigma(options.loa), fixed)
+
+
+def _context(scenery: Scenery, seen: Sightings, options: VerifyOptions, record: AlignmentRecord) -> Context:
+    thresholds = Thresholds()
+    window = max(UPPER_BOUND_M[options.loa], thresholds.window_floor) + 3 * options.sigma
+    registration = options.registration_sigma
+    if registration is None:
+        registration = estimate_registration_sigma(seen, scenery.samples, options.sigma, window)
+    if record.covariance is not None:
+        registration = float(np.hypot(registration, np.sqrt(np.trace(record.covariance[3:, 3:]) / 3.0)))
+    return Context(
+        loa=options.loa, sigma=options.sigma, registration_sigma=registration, window=window,
+        see_through=looks_through_glass(scenery, seen, window), thresholds=thresholds,
+        station_names=tuple(s.name for s in scenery.stations.stations),
     )
+
+
+def _far_away(model: BuildingModel, source: ScanSource) -> str:
+    positions = np.array([s.position for s in source.stations])
+    low, high = model.bounds + model.origin
+    away = np.linalg.norm(np.maximum(np.maximum(low - positions, positions - high), 0.0), axis=1).min()
+    return (
+        f"No return of {', '.join(Path(p).name for p in source.paths)} comes near the model; the nearest station stands "
+        f"{away:,.0f} m from it, so scan and model are in different frames: register the scan, or use --align auto."
+    )
+
+
+def _conclude(
+    scenery: Scenery, result: VerificationResult, plans: list[Place], best: list[Place], context: Context
+) -> Iterator[ElementVerdict]:
+    first: NDArray[np.int64] = np.searchsorted(scenery.samples.element, np.arange(len(plans) + 1))
+    for e, (plan, place) in enumerate(zip(plans, best, strict=True)):
+        rows = slice(int(first[e]), int(first[e + 1]))
+        yield decide.conclude(e, scenery.model, scenery.samples, rows, result.evidence, plan, place, context)
+
+
+def _station_records(store: ReturnStore, stations: StationIndexes, context: Context) -> tuple[StationRecord, ...]:
+    return tuple(
+        StationRecord(
+            name=s.name, position=(float(s.position[0]), float(s.position[1]), float(s.position[2])),
+            returns=store.count(i), spacing_rad=stations.spacing[i], registration_sigma=context.registration_sigma,
+            known=s.known, acquired=s.acquired, sensor=s.sensor,
+        )
+        for i, s in enumerate(store.stations)
+    )
+
+
+def _warnings(scenery: Scenery, context: Context, options: VerifyOptions) -> Iterator[str]:
+    if options.sigma > level_sigma(options.loa):
+        yield (
+            f"One return's sigma of {1000 * options.sigma:.1f} mm is larger than that of LOA{options.loa} "
+            f"({1000 * level_sigma(options.loa):.1f} mm): single returns cannot confirm this level."
+        )
+    if context.registration_sigma > level_sigma(options.loa):
+        yield (
+            f"The stations agree to {1000 * context.registration_sigma:.1f} mm only, less than LOA{options.loa} needs "
+            f"({1000 * level_sigma(options.loa):.1f} mm): register them better before trusting a deviation."
+        )
+    if len(scenery.samples) >= MOST:
+        yield "The model is so large that query positions lie farther apart than asked."
+    if context.see_through:
+        yield "Rays of this campaign pass planned glass, so a pane that was passed counts as not observed."
+    yield from scenery.model.skipped

@@ -114,8 +114,8 @@ class TransformedSource:
     def dropped(self) -> DropCount:
         return self.source.dropped
 
-    def blocks(self, block_size: int = 1_000_000) -> Iterator[ReturnBlock]:
+    def blocks(self, block_size: int = 262_144, *, attributes: bool = False) -> Iterator[ReturnBlock]:
         """Stream all returns of the source, offsets along the axes of the target frame."""
         turn = self.transform[:3, :3]
-        for block in self.source.blocks(block_size):
+        for block in self.source.blocks(block_size, attributes=attributes):
             yield replace(block, offsets=block.offsets @ turn.T)

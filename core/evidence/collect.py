@@ -35,6 +35,7 @@ class StationIndexes:
 
     def __init__(self, store: ReturnStore, origin: NDArray[np.float64]) -> None:
         self._store = store
+        self.stations = store.stations
         self._kept: dict[int, StationIndex] = {}
         self.position = [s.position - origin for s in store.stations]
         self.spacing = [math.nan for _ in store.stations]
