@@ -22,7 +22,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     try:
         check_writable(target)
         yield temporary
-        os.replace(temporary, target)
+        temporary.replace(target)
     except OSError as error:
         raise BimVerifyError(
             f"Cannot write {target}: {error.strerror or error}. Choose another place or free some space."

@@ -9,6 +9,6 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from headless_entry import run  # noqa: E402
+from headless_entry import run
 
 run("verify")

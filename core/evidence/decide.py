@@ -81,7 +81,9 @@ def sighting_area(seen: Sightings, area: NDArray[np.float64]) -> NDArray[np.floa
     return area / count[inverse]
 
 
-def propose(seen: Sightings, local: NDArray[np.int64], samples: SurfaceSamples, plan: Place, context: Context) -> NDArray[np.float64]:
+def propose(
+    seen: Sightings, local: NDArray[np.int64], samples: SurfaceSamples, context: Context
+) -> NDArray[np.float64]:
     """Shifts (K, 3) worth a second look for an element that does not simply stand at its place."""
     if len(seen) == 0:
         return np.zeros((0, 3))
@@ -128,7 +130,7 @@ def conclude(
     status, reason = _status(plan, best, whole, seen_area, ratio[context.loa], length, bound, standing, context)
     if status in ("ABSENT", "NOTOBSERVED"):
         vector = sigma = length = significant = None
-    if status in ("ABSENT", "NOTOBSERVED", "DEVIATING") and best is not plan or status in ("ABSENT", "NOTOBSERVED"):
+    if (status in ("ABSENT", "NOTOBSERVED", "DEVIATING") and best is not plan) or status in ("ABSENT", "NOTOBSERVED"):
         achieved = next((k for k in reversed(LEVELS) if length is not None and length <= UPPER_BOUND_M[k]), None)
     near = measured if status not in ("ABSENT", "NOTOBSERVED") else np.zeros_like(measured)
     return ElementVerdict(
@@ -149,7 +151,9 @@ GLAZED = ("IfcWindow", "IfcDoor", "IfcCurtainWall", "IfcRoofLight")
 """Classes that usually hold panes, marked as glass or not."""
 
 
-def _standing_shares(number: int, model: BuildingModel, rows: slice, samples: SurfaceSamples, t: Thresholds) -> tuple[float, float]:
+def _standing_shares(
+    number: int, model: BuildingModel, rows: slice, samples: SurfaceSamples, t: Thresholds
+) -> tuple[float, float]:
     """(absent up to this share at the place, present from this share on)."""
     pane_unmarked = model.elements[number].ifc_class.startswith(GLAZED) and not (
         model.transparent[samples.triangle[rows]].any()
@@ -243,7 +247,9 @@ def _status(
     if share < t.partial_coverage:
         return "PARTIAL", f"What was seen fits the plan, but only {share:.0%} of its exposed surface was in view."
     if ratio < t.uniform_share:
-        return "PARTIAL", f"{ratio:.0%} of the observed surface lies within {1000 * bound:.0f} mm of the plan; the rest does not."
+        return "PARTIAL", (
+            f"{ratio:.0%} of the observed surface lies within {1000 * bound:.0f} mm of the plan; the rest does not."
+        )
     return "CONFIRMED", (
         f"{ratio:.0%} of the observed surface lies within {1000 * bound:.0f} mm of the plan; "
         f"{share:.0%} of its exposed surface was in view; shift {mm}."

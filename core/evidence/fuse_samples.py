@@ -32,15 +32,13 @@ def fuse_samples(
     own = sightings.rows(sightings.on_face & ~(sightings.glass & (sightings.deviation < -window)))
     logs = own.log_masses
     if rule == "station":
-        masses, inner = from_log_commonality(logs[:, 0], logs[:, 1], logs[:, 2])
+        masses, _ = from_log_commonality(logs[:, 0], logs[:, 1], logs[:, 2])
         kept = station_reliability(half_zone, shared_sigma, cap)
         occ, emp = kept * masses[:, 0], kept * masses[:, 1]
         logs = np.column_stack([np.log1p(-emp), np.log1p(-occ), np.log(1.0 - occ - emp)])
     total = np.column_stack([np.bincount(own.sample, logs[:, k], minlength=count) for k in range(3)])
     fused, conflict = from_log_commonality(total[:, 0], total[:, 1], total[:, 2])
-    if rule == "station":
-        pass
-    elif RULES[rule] is not RULES["dempster"]:
+    if rule in RULES and RULES[rule] is not RULES["dempster"]:
         fused = fused * (1.0 - conflict[:, None])
         fused[:, 2] += conflict
     deviation, spread = _local_deviation(count, own, sigma, window)

@@ -111,7 +111,7 @@ def _round(
         local = part.sample.astype(np.int64)
         area = sighting_area(part, samples.area[local])
         plans.append(assess_place(np.zeros(3), part, local, samples, area, context))
-        asked += [(e, shift) for shift in propose(part, local, samples, plans[e], context)]
+        asked += [(e, shift) for shift in propose(part, local, samples, context)]
     if not asked:
         return plans, plans
     others = _probe(scenery, asked, first, as_built, context, progress)

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from .elements import BuildingModel
 
-RESTART_M = 1e-4
-"""How far behind a hit the search for the next one starts, metres (single-precision Embree at 100 m: 1e-5)."""
+RESTART_M = 2e-5
+"""How far behind a hit the search for the next one starts, metres: surfaces closer together than this hide each other."""
+RESTART_AGAIN_M = 2e-4
+"""The same, where single precision met the same triangle again."""
 
 
 @dataclass(frozen=True)
@@ -80,18 +82,27 @@ class RayScene:
         entering = np.zeros((most, count), dtype=np.bool_)
         alive = np.arange(count)
         gone = np.zeros(count)
-        for k in range(most):
+        last = np.full(count, -1, dtype=np.int32)
+        found = np.zeros(count, dtype=np.int64)
+        for _ in range(2 * most):
             t, tri = self.first_hit(
                 start[alive] + direction[alive] * gone[alive, None], direction[alive], limit[alive] - gone[alive]
             )
             hit = tri >= 0
             alive, t, tri = alive[hit], t[hit], tri[hit]
             if not len(alive):
-                return Hits(distance[:k], triangle[:k], entering[:k])
-            distance[k, alive] = gone[alive] + t
-            triangle[k, alive] = tri
-            entering[k, alive] = np.einsum("ij,ij->i", direction[alive], self.normal[tri]) < 0
-            gone[alive] += t + RESTART_M
-            inside = gone[alive] < limit[alive]
-            alive = alive[inside]
-        return Hits(distance, triangle, entering)
+                break
+            again = tri == last[alive]
+            fresh = alive[~again]
+            rank = found[fresh]
+            distance[rank, fresh] = gone[fresh] + t[~again]
+            triangle[rank, fresh] = tri[~again]
+            entering[rank, fresh] = np.einsum("ij,ij->i", direction[fresh], self.normal[tri[~again]]) < 0
+            found[fresh] += 1
+            last[alive] = tri
+            gone[alive] += t + np.where(again, RESTART_AGAIN_M, RESTART_M)
+            alive = alive[(gone[alive] < limit[alive]) & (found[alive] < most)]
+            if not len(alive):
+                break
+        used = int(found.max(initial=0))
+        return Hits(distance[:used], triangle[:used], entering[:used])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
 
@@ -130,7 +131,7 @@ class ReturnStore:
             yield Tile(np.asarray(returns), 0.0, 2 * np.pi + 1e-9)
             return
         edges = self._equal_sectors(returns, sectors)
-        for first, last in zip(edges[:-1], edges[1:], strict=True):
+        for first, last in pairwise(edges):
             yield Tile(np.concatenate(list(_in_sector(returns, first, last, margin))), first, last)
 
     @staticmethod

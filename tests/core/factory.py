@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from bim_verify.core.model.elements import BuildingModel
 from bim_verify.core.model.load import load_model
 from bim_verify.core.model.sample_surface import sample_surface

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import laspy
 import numpy as np
+from numpy.typing import NDArray
+
 from bim_verify.core.scans.campaign import ReturnBlock, ScanSource, Station
 from bim_verify.core.scans.e57_header import quaternion_to_matrix
-from numpy.typing import NDArray
 
 
 @dataclass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from bim_verify.core.model.elements import BuildingModel, Element
 from bim_verify.core.simulation.scene import Prop
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.report.json_out import result_to_json, to_plain, write_json
 from bim_verify.core.results import ElementVerdict

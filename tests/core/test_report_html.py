@@ -15,6 +15,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
+
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.report import charts, html, palette, pictures
 from bim_verify.core.report.camera import view_of_box
@@ -22,7 +24,6 @@ from bim_verify.core.report.csv_out import elements_csv, guard
 from bim_verify.core.report.render import render_view
 from bim_verify.core.report.section import cut_mask
 from bim_verify.core.results import STATUSES, VerificationResult
-from PIL import Image
 
 from .factory import small_result
 

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from plyfile import PlyData
+
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.report.samples_ply import write_samples
-from plyfile import PlyData
 
 from .factory import small_result
 

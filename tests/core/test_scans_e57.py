@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 import pye57
 import pytest
+from numpy.typing import NDArray
+from pye57 import libe57
+
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.scans.campaign import Grid, ReturnBlock, Station
 from bim_verify.core.scans.e57_header import gps_to_iso, iso_to_gps, quaternion_to_matrix
 from bim_verify.core.scans.open import open_scans
 from bim_verify.core.scans.write_e57 import matrix_to_quaternion, write_e57
-from numpy.typing import NDArray
-from pye57 import libe57
 
 from .scan_data import block_of, make_cloud, read_all, station
 

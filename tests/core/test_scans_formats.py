@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.scans.open import open_scans
 from bim_verify.core.scans.write_e57 import write_e57

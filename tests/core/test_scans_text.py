@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.scans import text_rows as rows_module
 from bim_verify.core.scans.campaign import Grid

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import plyfile
 import pytest
+from numpy.typing import NDArray
+
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.scans.campaign import Grid, ReturnBlock, Station
 from bim_verify.core.scans.info import describe, format_description
@@ -18,7 +20,6 @@ from bim_verify.core.scans.read_ahead import read_ahead
 from bim_verify.core.scans.thin import thin
 from bim_verify.core.scans.write_e57 import write_e57
 from bim_verify.core.scans.write_ply import write_ply
-from numpy.typing import NDArray
 
 from .scan_data import block_of, make_cloud, read_all, station
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.model.sample_surface import sample_surface
 from bim_verify.core.scans.open import open_scans

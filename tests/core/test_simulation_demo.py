@@ -12,6 +12,7 @@ import ifcopenshell.util.element
 import ifcopenshell.validate
 import numpy as np
 import pytest
+
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.model.elements import BuildingModel
 from bim_verify.core.model.load import load_model

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+
 from bim_verify.core.simulation.scanner import PRESETS, ROWS_PER_BAND, Scanner, scan_bands, scan_station
 from bim_verify.core.simulation.scene import Prop, Scene, Unevenness
 

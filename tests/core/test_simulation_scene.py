@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+
 from bim_verify.core.simulation.scene import Edit, Prop, Scene, build_scene, thinnest_axis
 from bim_verify.core.simulation.stand_points import choose_stations, find_stand_points, ground_level, visible_from
 

@@ -12,6 +12,7 @@ import ifcopenshell.api.pset
 import ifcopenshell.util.element
 import ifcopenshell.validate
 import pytest
+
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.model.write_psets import PSET_NAME, apply_psets, write_verified_ifc
 
