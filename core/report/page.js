@@ -11,7 +11,6 @@
   const query = document.getElementById("q");
   const byClass = document.getElementById("f-class");
   const byStorey = document.getElementById("f-storey");
-  const NONE = "\u0000";
 
   const make = (tag, attributes = {}, ...children) => {
     const node = document.createElement(tag);
@@ -44,7 +43,7 @@
     const words = query.value.toLowerCase().split(/\s+/).filter(Boolean);
     return !off.has(r.status) && words.every((word) => text[i].includes(word))
       && (!byClass.value || r.class === byClass.value)
-      && (!byStorey || !byStorey.value || (r.storey || NONE) === byStorey.value);
+      && (!byStorey || !byStorey.value || "=" + r.storey === byStorey.value);
   };
   const show = () => {
     let matching = 0;
