@@ -182,9 +182,9 @@
         make("div", {}, make("h4", {}, "Confirmed at each level"), ladder(r), keyValues([
           ["Asked, reached", `${r.required}, ${r.achieved === "NONE" ? "none" : r.achieved}`],
           ["Shift x, y, z", vector],
-          ["Shift", r.shift === null ? "not determined" : `${mm(r.shift)} ± ${mm(r.shiftSigma)} mm`],
+          ["Shift", r.shift === null ? "not determined" : `${mm(r.shift)} ± ${mm(r.shiftSigma, 2)} mm`],
           ["Significant", significance],
-          ["Sigma measured, registration", `${mm(r.measurementSigma)}, ${mm(r.registrationSigma)} mm`],
+          ["Sigma measured, registration", `${mm(r.measurementSigma, 2)}, ${mm(r.registrationSigma, 2)} mm`],
         ])),
         make("div", {}, make("h4", {}, `Deviations, with LOA${data.required} shaded`), histogram(r)),
       )));
