@@ -24,11 +24,20 @@ class Camera:
     """Rays start this far before ``center``: outside the model."""
     cut_z: float | None = None
     """Height above which the model is cut away."""
+    bottom_z: float | None = None
+    """Below this nothing is drawn; only together with ``cut_z``."""
 
     @property
     def right(self) -> NDArray[np.float64]:
         """(3,) unit vector, to the right in the picture."""
         return np.cross(self.forward, self.up)
+
+    @property
+    def sight(self) -> float:
+        """How far the rays go, metres: from the cutting plane to ``bottom_z``, else to infinity."""
+        if self.cut_z is None or self.bottom_z is None or self.forward[2] > -1e-6:
+            return np.inf
+        return float((self.bottom_z - self.cut_z) / self.forward[2])
 
     def project(self, xyz: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.float64]:
         """(N, 3) positions to (N, 2) pixel coordinates (column, row) in a picture of ``size`` (width, height)."""
@@ -44,15 +53,18 @@ def view_of_box(
     size: tuple[int, int],
     *,
     cut_z: float | None = None,
+    bottom_z: float | None = None,
     margin: float = 0.04,
 ) -> Camera:
     """A camera that shows the whole box ``bounds`` (2, 3) from a side.
 
     ``azimuth``: the compass side of the viewer in degrees, counter-clockwise from +x (225 looks from -x, -y).
     ``elevation``: degrees above the horizon; 90 is a plan with +y upwards. ``size``: (width, height) in pixels.
+    ``cut_z``, ``bottom_z``: heights between which the model is drawn.
     """
     low, high = np.array(bounds, dtype=np.float64)
     if cut_z is not None:
+        low[2] = low[2] if bottom_z is None else max(low[2], bottom_z)
         high[2] = max(min(high[2], cut_z), low[2] + 1e-3)
     a, e = np.radians(azimuth), np.radians(elevation)
     forward = -np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
@@ -68,4 +80,5 @@ def view_of_box(
         + up * (along.max() + along.min()) / 2
         + forward * ((low + high) / 2 @ forward)
     )
-    return Camera(middle, forward, up, float(max(width, 1e-3)), float(np.linalg.norm(high - low)) + 1.0, cut_z)
+    reach = float(np.linalg.norm(high - low)) + 1.0
+    return Camera(middle, forward, up, float(max(width, 1e-3)), reach, cut_z, bottom_z)

@@ -11,7 +11,6 @@
   const query = document.getElementById("q");
   const byClass = document.getElementById("f-class");
   const byStorey = document.getElementById("f-storey");
-  const NONE = "\u0000";
 
   const make = (tag, attributes = {}, ...children) => {
     const node = document.createElement(tag);
@@ -44,7 +43,7 @@
     const words = query.value.toLowerCase().split(/\s+/).filter(Boolean);
     return !off.has(r.status) && words.every((word) => text[i].includes(word))
       && (!byClass.value || r.class === byClass.value)
-      && (!byStorey || !byStorey.value || (r.storey || NONE) === byStorey.value);
+      && (!byStorey || !byStorey.value || "=" + r.storey === byStorey.value);
   };
   const show = () => {
     let matching = 0;
@@ -183,9 +182,9 @@
         make("div", {}, make("h4", {}, "Confirmed at each level"), ladder(r), keyValues([
           ["Asked, reached", `${r.required}, ${r.achieved === "NONE" ? "none" : r.achieved}`],
           ["Shift x, y, z", vector],
-          ["Shift", r.shift === null ? "not determined" : `${mm(r.shift)} ± ${mm(r.shiftSigma)} mm`],
+          ["Shift", r.shift === null ? "not determined" : `${mm(r.shift)} ± ${mm(r.shiftSigma, 2)} mm`],
           ["Significant", significance],
-          ["Sigma measured, registration", `${mm(r.measurementSigma)}, ${mm(r.registrationSigma)} mm`],
+          ["Sigma measured, registration", `${mm(r.measurementSigma, 2)}, ${mm(r.registrationSigma, 2)} mm`],
         ])),
         make("div", {}, make("h4", {}, `Deviations, with LOA${data.required} shaded`), histogram(r)),
       )));

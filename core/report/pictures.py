@@ -25,6 +25,7 @@ CUT_HEIGHT_M = 1.2
 MOST_STOREYS = 2
 SAME_FLOOR_M = 1.0
 """Storeys whose floors are closer than this are cut together."""
+PLAN_CAPTION = "from above, +y is up; numbers are stations"
 UPRIGHT = ("Wall", "Column", "Door", "Stair")
 """Classes whose feet stand on the floor of their storey."""
 SURROUNDINGS = ("IfcSite", "IfcGeographicElement", "IfcCivilElement")
@@ -59,17 +60,14 @@ def report_pictures(result: VerificationResult, deviation_limit_m: float, progre
     }
     finder = SampleColors(result.samples)
     pictures = []
-    views = _views(model)
-    for number, (title, caption, camera) in enumerate(views):
-        progress.update(number / len(views), "Drawing the model")
-        view = trace_view(model, camera, SIZE, scene=scene)
+    viewpoints = _viewpoints(model)
+    for number, at in enumerate(viewpoints):
+        progress.update(number / len(viewpoints), "Drawing the model")
+        view = trace_view(model, at.camera, SIZE, scene=scene)
         found = finder.find(model, view, threads=result.options.threads or -1)
         images = {"status": png(shade_view(view, face_pixels(view, face)))}
         images |= {name: png(shade_view(view, found.pixels(color))) for name, color in colors.items()}
-        plan = camera.forward[2] < -0.99
-        pictures.append(
-            Picture(title, caption, images, _pick_map(view), _station_marks(result, camera) if plan else ())
-        )
+        pictures.append(Picture(at.title, at.caption, images, _pick_map(view), _station_marks(result, at)))
     return pictures
 
 
@@ -102,25 +100,37 @@ def png(image: NDArray[np.uint8]) -> str:
     return base64.b64encode(stream.getvalue()).decode("ascii")
 
 
-def _views(model: BuildingModel) -> list[tuple[str, str, Camera]]:
+@dataclass(frozen=True)
+class _Viewpoint:
+    title: str
+    caption: str
+    camera: Camera
+    heights: tuple[float, float] | None = None
+    """Stations between these heights (local frame) are marked; None: none is."""
+
+
+def _viewpoints(model: BuildingModel) -> list[_Viewpoint]:
     bounds = _building_bounds(model)
-    views = [
-        ("Outside, south-west", "seen from the corner at −x −y", view_of_box(bounds, 238, 30, SIZE)),
-        ("Outside, north-east", "seen from the corner at +x +y", view_of_box(bounds, 52, 30, SIZE)),
-    ]
-    busiest = sorted(floors(model), key=lambda item: -item[2])[:MOST_STOREYS]
-    for storey, z, _ in sorted(busiest, key=lambda item: item[1]):
-        cut = z + CUT_HEIGHT_M
-        if cut >= bounds[1, 2]:
-            continue
-        name = storey or "Storey"
-        box = np.array([[*bounds[0, :2], max(bounds[0, 2], z - 0.3)], bounds[1]])
-        inside, plan = view_of_box(box, 248, 50, SIZE, cut_z=cut), view_of_box(box, 270, 90, SIZE, cut_z=cut)
-        views.append((f"{name}, inside", f"cut {CUT_HEIGHT_M:.1f} m above the floor", inside))
-        views.append((f"{name}, plan", "cut at the same height; +y is up; numbers are stations", plan))
-    if len(views) == 2:
-        views.append(("Plan", "from above, +y is up; numbers are stations", view_of_box(bounds, 270, 90, SIZE)))
-    return views
+    corners = (
+        ("Outside, south-west", "seen from the corner at −x −y", 238),
+        ("Outside, north-east", "seen from the corner at +x +y", 52),
+    )
+    found = [_Viewpoint(title, caption, view_of_box(bounds, side, 30, SIZE)) for title, caption, side in corners]
+    all_floors = [floor for floor in floors(model) if floor[1] + CUT_HEIGHT_M < bounds[1, 2]]
+    heights = [z for _, z, _ in all_floors]
+    busiest = sorted(range(len(all_floors)), key=lambda k: -all_floors[k][2])[:MOST_STOREYS]
+    for k in sorted(busiest):
+        name, z = all_floors[k][0] or "Storey", heights[k]
+        cut, bottom = z + CUT_HEIGHT_M, None if k == 0 else z - SAME_FLOOR_M
+        lowest = -np.inf if k == 0 else z - SAME_FLOOR_M / 2
+        highest = heights[k + 1] - SAME_FLOOR_M / 2 if k + 1 < len(heights) else np.inf
+        inside = view_of_box(bounds, 248, 50, SIZE, cut_z=cut, bottom_z=bottom)
+        plan = view_of_box(bounds, 270, 90, SIZE, cut_z=cut, bottom_z=bottom)
+        found.append(_Viewpoint(f"{name}, inside", f"cut {CUT_HEIGHT_M:.1f} m above the floor", inside))
+        found.append(_Viewpoint(f"{name}, plan", PLAN_CAPTION, plan, (lowest, highest)))
+    if not all_floors:
+        found.append(_Viewpoint("Plan", PLAN_CAPTION, view_of_box(bounds, 270, 90, SIZE), (-np.inf, np.inf)))
+    return found
 
 
 def _element_heights(model: BuildingModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -145,14 +155,14 @@ def _pick_map(view: View) -> str:
     return png(np.stack([number >> 16, number >> 8 & 255, number & 255], axis=-1).astype(np.uint8))
 
 
-def _station_marks(result: VerificationResult, camera: Camera) -> tuple[tuple[float, float, str], ...]:
-    known = [(i, s.position) for i, s in enumerate(result.stations) if s.known]
-    if not known:
+def _station_marks(result: VerificationResult, at: _Viewpoint) -> tuple[tuple[float, float, str], ...]:
+    """Column, row and number of the stations that stand on the storey of a plan."""
+    if at.heights is None or not result.stations:
         return ()
-    pixel = camera.project(np.array([p for _, p in known]) - result.model.origin, SIZE)
-    inside = ((pixel > 0) & (pixel < np.array(SIZE))).all(axis=1)
+    place = np.array([s.position for s in result.stations]) - result.model.origin
+    pixel = at.camera.project(place, SIZE)
+    shown = np.array([s.known for s in result.stations]) & ((pixel > 0) & (pixel < np.array(SIZE))).all(axis=1)
+    shown &= (place[:, 2] > at.heights[0]) & (place[:, 2] < at.heights[1])
     return tuple(
-        (round(float(x), 1), round(float(y), 1), str(i + 1))
-        for (i, _), (x, y), ok in zip(known, pixel, inside, strict=True)
-        if ok
+        (round(float(pixel[i, 0]), 1), round(float(pixel[i, 1]), 1), str(i + 1)) for i in np.flatnonzero(shown)
     )

@@ -97,7 +97,7 @@ def trace_view(
     for begin in range(0, fine[0], rows):
         part = np.arange(begin, min(begin + rows, fine[0]))
         origin = _ray_origins(camera, size, part).reshape(-1, 3)
-        distance_part, triangle_part = scene.first_hit(origin, forward[: len(origin)])
+        distance_part, triangle_part = scene.first_hit(origin, forward[: len(origin)], camera.sight)
         distance[part] = distance_part.reshape(-1, fine[1])
         triangle[part] = triangle_part.reshape(-1, fine[1])
     element = np.where(triangle >= 0, model.triangle_element[triangle], np.int32(-1))
