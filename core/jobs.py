@@ -65,14 +65,14 @@ def verify_source(
         lap("gather the evidence")
         registration = estimate_registration_sigma(seen, samples, options.sigma, window)
         context = Context(
-            options.loa, options.sigma, registration, window, thresholds, tuple(s.name for s in store.stations)
+            options.loa, options.sigma, registration, window, see_through, thresholds, tuple(s.name for s in store.stations)
         )
         evidence = fuse_samples(
             len(samples), seen, options.fusion, ZONE_SIGMAS * level_sigma(options.loa), registration,
             thresholds.conflict_cap, options.sigma, window,
         )
         lap("fuse")
-        plans, best = places(scenery, seen, context, see_through, progress.part(0.85, 1.0))
+        plans, best = places(scenery, seen, context, progress.part(0.85, 1.0))
         first = np.searchsorted(samples.element, np.arange(len(model.elements) + 1))
         verdicts = [
             decide.conclude(e, model, samples, slice(int(first[e]), int(first[e + 1])), evidence, plans[e], best[e], context)

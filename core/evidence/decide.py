@@ -28,6 +28,8 @@ class Context:
     registration_sigma: float
     window: float
     """Half-width along the normal within which an element stands at its place, metres."""
+    see_through: bool
+    """Whether this campaign's rays pass planned glass."""
     thresholds: Thresholds
     station_names: tuple[str, ...]
 

@@ -77,7 +77,7 @@ def looks_through_glass(scenery: Scenery, seen: Sightings, window: float) -> boo
 
 
 def places(
-    scenery: Scenery, seen: Sightings, context: Context, see_through: bool, progress: Progress
+    scenery: Scenery, seen: Sightings, context: Context, progress: Progress
 ) -> tuple[list[Place], list[Place]]:
     """For each element its planned place and the place that fits best.
 
@@ -86,7 +86,7 @@ def places(
     """
     element = scenery.samples.element[seen.sample]
     seen = scenery.explain(seen, element, None)
-    plans, best = _round(scenery, seen, context, None, see_through, progress.part(0.0, 0.5))
+    plans, best = _round(scenery, seen, context, None, progress.part(0.0, 0.5))
     moved = [k for k, place in enumerate(best) if place is not plans[k] or place.share < context.thresholds.absent_share]
     if not moved:
         return plans, best
@@ -95,7 +95,7 @@ def places(
         shift[k] = best[k].fit.vector if best[k] is not plans[k] else np.nan
     as_built = RayScene(scenery.model, shift)
     seen = scenery.explain(seen, element, as_built)
-    return _round(scenery, seen, context, as_built, see_through, progress.part(0.5, 1.0))
+    return _round(scenery, seen, context, as_built, progress.part(0.5, 1.0))
 
 
 def _round(
@@ -114,13 +114,13 @@ def _round(
         asked += [(e, shift) for shift in propose(part, local, samples, plans[e], context)]
     if not asked:
         return plans, plans
-    others = _probe(scenery, asked, first, as_built, see_through, context, progress)
+    others = _probe(scenery, asked, first, as_built, context, progress)
     return plans, [choose(plans[e], others.get(e, []), context) for e in range(count)]
 
 
 def _probe(
     scenery: Scenery, asked: list[tuple[int, NDArray[np.float64]]], first: NDArray[np.int64],
-    as_built: RayScene | None, see_through: bool, context: Context, progress: Progress,
+    as_built: RayScene | None, context: Context, progress: Progress,
 ) -> dict[int, list[Place]]:
     """Assess the shifted places asked for."""
     samples = scenery.samples
@@ -148,7 +148,7 @@ def _probe(
     )
     seen = scenery.look(queries, progress)
     seen = scenery.explain(seen, queries.element[seen.sample], as_built)
-    seen = with_glass(scenery, seen, queries.triangle[seen.sample], see_through)
+    seen = with_glass(scenery, seen, queries.triangle[seen.sample], context.see_through)
     found: dict[int, list[Place]] = {}
     for k, (e, shift) in enumerate(asked):
         a, b = np.searchsorted(seen.sample, [start[k], start[k + 1]])

@@ -38,8 +38,7 @@ def write_verified_ifc(
         file = open_ifc(source)
         if not apply_psets(file, result, progress=progress) and result.verdicts:
             raise BimVerifyError(f"{source} holds none of the verified elements. Give the model that was verified.")
-        file.write(str(temporary), format=".ifc")
-        if not _is_complete(temporary):
+        if not _write_whole(file, temporary):
             raise BimVerifyError(f"Cannot write {target}: the disk is full. Free some space or choose another place.")
 
 
@@ -223,11 +222,18 @@ def _same_file(first: Path, second: Path) -> bool:
         return first.resolve() == second.resolve()
 
 
-def _is_complete(path: Path) -> bool:
-    """Whether the STEP file has its last line (the writer of the library does not say that a disk ran full)."""
+def _write_whole(file: Any, path: Path) -> bool:
+    """Write the IFC; False when it did not fit.
+
+    Versions of the library raise RuntimeError then and leave a file of their own beside ``path``, or say nothing.
+    """
     try:
+        file.write(str(path), format=".ifc")
         with path.open("rb") as stream:
             stream.seek(max(path.stat().st_size - 64, 0))
             return END_OF_FILE in stream.read()
-    except OSError:
+    except (RuntimeError, OSError):
+        for left in path.parent.iterdir():
+            if left.name.startswith(path.name + "."):
+                left.unlink(missing_ok=True)
         return False

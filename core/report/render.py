@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from numba import njit
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from ..model.elements import BuildingModel
@@ -166,7 +166,7 @@ class SamplePixels:
     weight: NDArray[np.float32]
     """(P, K) adding up to 1."""
 
-    def pixels(self, sample_colors: NDArray[np.float64]) -> NDArray[np.float32]:
+    def pixels(self, sample_colors: NDArray[np.floating]) -> NDArray[np.float32]:
         """(N, 3) colours of the samples, linear light, to (H*S, W*S, 3)."""
         linear = sample_colors.astype(np.float32)
         width, height = self.view.size
@@ -282,7 +282,8 @@ def _open_share(
     """
     row, column = np.nonzero(mask)
     phase = (row % 4) * 4 + column % 4
-    helper = np.where(np.abs(normal[:, [2]]) < 0.9, np.float32([[0, 0, 1]]), np.float32([[1, 0, 0]]))
+    axes = np.eye(3, dtype=np.float32)
+    helper = np.where(np.abs(normal[:, [2]]) < 0.9, axes[2], axes[0])
     tangent = np.cross(normal, helper)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     second = np.cross(normal, tangent)

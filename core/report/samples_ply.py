@@ -3,22 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
-import numpy as np
+from numpy.typing import NDArray
 
-from ..files import whole_file
 from ..results import VerificationResult
+from ..scans.write_ply import write_ply
 from .palette import belief_color, to_bytes
-
-ROW = np.dtype(
-    [(name, "<f8") for name in ("x", "y", "z", "nx", "ny", "nz")]
-    + [(name, "u1") for name in ("red", "green", "blue")]
-    + [(name, "<f4") for name in ("m_occ", "m_emp", "m_unk", "conflict", "deviation", "sigma")]
-    + [("element", "<i4")]
-)
-PLY_TYPE = {"<f8": "double", "|u1": "uchar", "<f4": "float", "<i4": "int"}
-BLOCK = 500_000
-"""Samples written at once."""
 
 
 def write_samples(path: str | Path, result: VerificationResult) -> None:
@@ -28,24 +19,14 @@ def write_samples(path: str | Path, result: VerificationResult) -> None:
     file. Raises BimVerifyError when ``path`` cannot be written; nothing is left behind then.
     """
     samples, evidence = result.samples, result.evidence
-    with whole_file(path) as temporary, temporary.open("wb") as stream:
-        stream.write(_header(len(samples)))
-        for begin in range(0, len(samples), BLOCK):
-            part = slice(begin, begin + BLOCK)
-            rows = np.empty(len(samples.element[part]), dtype=ROW)
-            position = samples.position[part] + result.model.origin
-            rgb = to_bytes(belief_color(evidence.m_occ[part], evidence.m_emp[part], evidence.m_unk[part]))
-            for axis in range(3):
-                rows["xyz"[axis]] = position[:, axis]
-                rows[("nx", "ny", "nz")[axis]] = samples.normal[part, axis]
-                rows[("red", "green", "blue")[axis]] = rgb[:, axis]
-            for name in ("m_occ", "m_emp", "m_unk", "conflict", "deviation", "sigma"):
-                rows[name] = getattr(evidence, name)[part]
-            rows["element"] = samples.element[part]
-            stream.write(rows.tobytes())
-
-
-def _header(count: int) -> bytes:
-    lines = ["ply", "format binary_little_endian 1.0", "comment metres, model frame", f"element vertex {count}"]
-    lines += [f"property {PLY_TYPE[ROW[name].str]} {name}" for name in ROW.names or ()]
-    return ("\n".join([*lines, "end_header"]) + "\n").encode("ascii")
+    position = samples.position + result.model.origin
+    color = to_bytes(belief_color(evidence.m_occ, evidence.m_emp, evidence.m_unk))
+    fields: dict[str, NDArray[Any]] = {name: position[:, axis] for axis, name in enumerate(("x", "y", "z"))}
+    fields |= {name: samples.normal[:, axis] for axis, name in enumerate(("nx", "ny", "nz"))}
+    fields |= {name: color[:, axis] for axis, name in enumerate(("red", "green", "blue"))}
+    fields |= {
+        name: getattr(evidence, name).astype("f4")
+        for name in ("m_occ", "m_emp", "m_unk", "conflict", "deviation", "sigma")
+    }
+    fields["element"] = samples.element.astype("i4")
+    write_ply(path, fields, ["metres, model frame", "element: row of the elements in the JSON file"])

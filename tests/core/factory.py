@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
 from bim_verify.core.model.elements import BuildingModel
 from bim_verify.core.model.load import load_model
 from bim_verify.core.model.sample_surface import sample_surface
@@ -20,13 +19,17 @@ from bim_verify.core.results import (
     Status,
     VerificationResult,
 )
+from bim_verify.core.sensing.loa import UPPER_BOUND_M
 
 UNITS = {"mm": 0.001, "m": 1.0, "foot": 0.3048}
 WALLS = (("South", 0.0, 0.0, 4.0, 0.2), ("North", 0.0, 2.8, 4.0, 0.2), ("West", 0.0, 0.2, 0.2, 2.6))
 """Name, x, y, length in x, length in y, metres."""
+ROOTED = ("IfcRel", "IfcWall", "IfcSlab", "IfcColumn", "IfcProject", "IfcBuilding")
 
 
-def make_ifc(path: Path, *, schema: str = "IFC4", unit: str = "mm", names: tuple[str, ...] = (), owner: bool = True) -> Path:
+def make_ifc(
+    path: Path, *, schema: str = "IFC4", unit: str = "mm", names: tuple[str, ...] = (), owner: bool = True
+) -> Path:
     """Three walls, a slab and a column, in the given schema and length unit; ``names`` replaces element names in order.
 
     ``owner`` False leaves an IFC2X3 file without the person and application that its schema expects.
@@ -38,7 +41,7 @@ def make_ifc(path: Path, *, schema: str = "IFC4", unit: str = "mm", names: tuple
     scale = UNITS[unit]
 
     def new(kind: str, **attributes: Any) -> Any:
-        if schema == "IFC2X3" and kind.startswith(("IfcRel", "IfcWall", "IfcSlab", "IfcColumn", "IfcProject", "IfcBuil")):
+        if schema == "IFC2X3" and kind.startswith(ROOTED):
             attributes["OwnerHistory"] = history
         return file.create_entity(kind, **attributes)
 
@@ -59,8 +62,9 @@ def make_ifc(path: Path, *, schema: str = "IFC4", unit: str = "mm", names: tuple
     project = new("IfcProject", GlobalId=ifcopenshell.guid.new(), Name="Small house")
     project.RepresentationContexts = [context]
     project.UnitsInContext = file.create_entity("IfcUnitAssignment", [_length_unit(file, unit)])
-    storey = new("IfcBuildingStorey", GlobalId=ifcopenshell.guid.new(), Name="Ground floor", ObjectPlacement=at(0, 0, 0))
-    building = new("IfcBuilding", GlobalId=ifcopenshell.guid.new(), Name="House")
+    storey = new("IfcBuildingStorey", GlobalId=ifcopenshell.guid.new(), Name="Ground floor", CompositionType="ELEMENT")
+    storey.ObjectPlacement = at(0, 0, 0)
+    building = new("IfcBuilding", GlobalId=ifcopenshell.guid.new(), Name="House", CompositionType="ELEMENT")
     new("IfcRelAggregates", GlobalId=ifcopenshell.guid.new(), RelatingObject=project, RelatedObjects=[building])
     new("IfcRelAggregates", GlobalId=ifcopenshell.guid.new(), RelatingObject=building, RelatedObjects=[storey])
 
@@ -69,15 +73,15 @@ def make_ifc(path: Path, *, schema: str = "IFC4", unit: str = "mm", names: tuple
     products = []
     for row, (kind, name, x, y, z, dx, dy, dz) in enumerate(boxes):
         centre = file.create_entity("IfcCartesianPoint", [dx / 2 / scale, dy / 2 / scale])
-        profile = file.create_entity(
-            "IfcRectangleProfileDef", "AREA", None, file.create_entity("IfcAxis2Placement2D", centre), dx / scale, dy / scale
-        )
+        place = file.create_entity("IfcAxis2Placement2D", centre)
+        profile = file.create_entity("IfcRectangleProfileDef", "AREA", None, place, dx / scale, dy / scale)
         up = file.create_entity("IfcDirection", [0.0, 0.0, 1.0])
         solid = file.create_entity("IfcExtrudedAreaSolid", profile, axes, up, dz / scale)
         body = file.create_entity("IfcShapeRepresentation", context, "Body", "SweptSolid", [solid])
         shape = file.create_entity("IfcProductDefinitionShape", None, None, [body])
         label = names[row] if row < len(names) else name
-        product = new(kind, GlobalId=ifcopenshell.guid.new(), Name=label, ObjectPlacement=at(x, y, z), Representation=shape)
+        product = new(kind, GlobalId=ifcopenshell.guid.new(), Name=label, Representation=shape)
+        product.ObjectPlacement = at(x, y, z)
         products.append(product)
     new(
         "IfcRelContainedInSpatialStructure",
@@ -97,11 +101,12 @@ def _length_unit(file: Any, unit: str) -> Any:
 
 
 def fabricate(model: BuildingModel, *, seed: int = 0, spacing: float = 0.1, **changes: Any) -> VerificationResult:
-    """Made-up verdicts that go round all five statuses, with evidence per sample to match; ``changes`` replaces fields."""
+    """Made-up verdicts that go round all five statuses, and evidence to match; ``changes`` replaces fields."""
     rng = np.random.default_rng(seed)
     samples = sample_surface(model, spacing)
     options = VerifyOptions()
-    verdicts, columns = [], {name: np.zeros(len(samples), np.float32) for name in ("m_occ", "m_emp", "m_unk", "conflict")}
+    verdicts: list[ElementVerdict] = []
+    columns = {name: np.zeros(len(samples), np.float32) for name in ("m_occ", "m_emp", "m_unk", "conflict")}
     deviation = np.full(len(samples), np.nan, np.float32)
     for row, element in enumerate(model.elements):
         mine = np.flatnonzero(samples.element == row)
@@ -117,7 +122,7 @@ def fabricate(model: BuildingModel, *, seed: int = 0, spacing: float = 0.1, **ch
         mean = {name: float(column[mine].mean()) for name, column in columns.items()}
         measured = np.abs(deviation[mine][np.isfinite(deviation[mine])])
         moved = len(measured) > 0
-        ratio = {lv: float(np.mean(measured < b)) if moved else 0.0 for lv, b in zip(LEVELS, (0.15, 0.05, 0.015, 0.005, 0.001), strict=True)}
+        ratio = {lv: float(np.mean(measured < UPPER_BOUND_M[lv])) if moved else 0.0 for lv in LEVELS}
         verdicts.append(
             ElementVerdict(
                 global_id=element.global_id, ifc_class=element.ifc_class, name=element.name, storey=element.storey,
@@ -135,17 +140,21 @@ def fabricate(model: BuildingModel, *, seed: int = 0, spacing: float = 0.1, **ch
                 reason=f"{len(seen)} of {len(mine)} positions were seen.", stations=("S1",) if len(seen) else (),
             )
         )
-    record = dict(
-        model=model, options=options, verdicts=tuple(verdicts), samples=samples,
-        evidence=SampleEvidence(**columns, deviation=deviation, sigma=np.where(np.isfinite(deviation), np.float32(0.002), np.nan).astype(np.float32)),
-        stations=(
+    sigma = np.where(np.isfinite(deviation), 0.002, np.nan).astype(np.float32)
+    record: dict[str, Any] = {
+        "model": model, "options": options, "verdicts": tuple(verdicts), "samples": samples,
+        "evidence": SampleEvidence(**columns, deviation=deviation, sigma=sigma),
+        "stations": (
             StationRecord("S1", (2.0, 1.5, 1.4), 120_000, 6e-4, 0.0008, True, "house.e57", "2024-05-01T09:30:00"),
             StationRecord("S2", (-3.0, 1.5, 1.4), 80_000, 6e-4, float("nan"), False, "house.e57"),
         ),
-        alignment=AlignmentRecord("fine", np.eye(4), np.diag([1e-8] * 3 + [1e-7, 1e-7, 4e-7]), np.zeros(3), "up (z), 0.6 mm", 0.0021, 0.91),
-        scan_paths=("scans/house.e57",), scan_date="2024-05-01", method="bim_verify 0.1.0 station",
-        dropped={"invalid": 12, "zero": 3}, timings={"read scans": 1.25, "evidence": 2.5}, warnings=("Made up.",),
-    )
+        "alignment": AlignmentRecord(
+            "fine", np.eye(4), np.diag([1e-8] * 3 + [1e-7, 1e-7, 4e-7]), np.zeros(3), "up (z), 0.6 mm", 0.0021, 0.91
+        ),
+        "scan_paths": ("scans/house.e57",), "scan_date": "2024-05-01", "method": "bim_verify 0.1.0 station",
+        "dropped": {"invalid": 12, "zero": 3}, "timings": {"read scans": 1.25, "evidence": 2.5},
+        "warnings": ("Made up.",),
+    }  # fmt: skip
     return VerificationResult(**{**record, **changes})
 
 

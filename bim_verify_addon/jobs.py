@@ -1,0 +1,140 @@
+"""How long work runs: in a worker thread with progress, time left and Esc in a window; at once without one.
+
+An operator derives from ``Job`` and has three parts. ``prepare`` reads the scene and returns the work; the work knows
+no Blender; ``finish`` changes the scene. So a job that is cancelled or fails leaves the scene as it was.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any, ClassVar, Generic, TypeVar
+
+import bpy
+
+from ..core.errors import BimVerifyError, Cancelled
+from ..core.progress import Progress
+from .session import SESSION, RunningJob
+
+T = TypeVar("T")
+Work = Callable[[Progress], T]
+TICK_S = 0.1
+
+
+class Job(Generic[T]):
+    """Mixed into an operator; the operator gives ``prepare`` and ``finish``."""
+
+    title: ClassVar[str] = ""
+
+    def prepare(self, context: bpy.types.Context) -> Work[T]:
+        """Read what is needed (main thread) and return the work. May raise BimVerifyError."""
+        raise NotImplementedError
+
+    def finish(self, context: bpy.types.Context, value: T) -> str:
+        """Put the result into the scene (main thread); one sentence for the status bar."""
+        raise NotImplementedError
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Do all of it now: in background mode, in the ``bpy`` module, from a script."""
+        try:
+            work = self.prepare(context)
+            value = work(Progress())
+        except Exception as error:
+            return self._failed(error)
+        return self._finished(context, value)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
+        """Start the worker thread; ``modal`` takes over."""
+        if bpy.app.background or context.window is None:
+            return self.execute(context)
+        try:
+            work = self.prepare(context)
+        except Exception as error:
+            return self._failed(error)
+        self._job = SESSION.job = RunningJob(self.title)
+        self._progress = Progress(self._note)
+        self._outcome: tuple[str, Any] | None = None
+        self._thread = threading.Thread(target=self._run, args=(work,), name=self.title, daemon=True)
+        self._timer = context.window_manager.event_timer_add(TICK_S, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        self._thread.start()
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Show progress; notice Esc; hand over when the thread has ended."""
+        if event.type == "ESC" and event.value == "PRESS":
+            self._progress.cancel.set()
+            self._job.message = "Stopping"
+            return {"RUNNING_MODAL"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        if self._thread.is_alive():
+            context.workspace.status_text_set(status_line(self._job))
+            _redraw(context)
+            return {"PASS_THROUGH"}
+        self._close(context)
+        kind, value = self._outcome or ("error", Cancelled())
+        return self._finished(context, value) if kind == "value" else self._failed(value)
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Blender ends the operator (another file is opened, Blender quits)."""
+        if getattr(self, "_thread", None) is not None:
+            self._progress.cancel.set()
+            self._thread.join()
+            self._close(context)
+
+    def _run(self, work: Work[T]) -> None:
+        try:
+            self._outcome = ("value", work(self._progress))
+        except BaseException as error:
+            self._outcome = ("error", error)
+
+    def _note(self, fraction: float, message: str, seconds_left: float | None) -> None:
+        self._job.fraction, self._job.message, self._job.seconds_left = fraction, message, seconds_left
+
+    def _close(self, context: bpy.types.Context) -> None:
+        SESSION.job = None
+        context.window_manager.event_timer_remove(self._timer)
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)
+        _redraw(context)
+
+    def _finished(self, context: bpy.types.Context, value: T) -> set[str]:
+        try:
+            message = self.finish(context, value)
+        except Exception as error:
+            return self._failed(error)
+        self.report({"INFO"}, message)
+        return {"FINISHED"}
+
+    def _failed(self, error: BaseException) -> set[str]:
+        if isinstance(error, Cancelled):
+            self.report({"WARNING"}, f"{self.title} was cancelled; nothing was changed.")
+        elif isinstance(error, BimVerifyError):
+            self.report({"ERROR"}, str(error))
+        else:
+            raise error
+        return {"CANCELLED"}
+
+
+def status_line(job: RunningJob) -> str:
+    """``Verify: reading scans  42 %  1 min 10 s left  (Esc cancels)``"""
+    left = "" if job.seconds_left is None else f"   {duration(job.seconds_left)} left"
+    return f"{job.title}: {job.message}   {100 * job.fraction:.0f} %{left}   (Esc cancels)"
+
+
+def duration(seconds: float) -> str:
+    """``45 s``, ``3 min 05 s``, ``1 h 10 min``."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+def _redraw(context: bpy.types.Context) -> None:
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()

@@ -1,0 +1,49 @@
+"""File operators that start a job: the browser asks for the name, the job starts when it has closed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import bpy
+
+from ..session import SESSION
+
+
+def ask_or_start(
+    operator: bpy.types.Operator, context: bpy.types.Context, event: bpy.types.Event | None,
+    start: Callable[[bpy.types.Context, bpy.types.Event | None], set[str]],
+) -> set[str]:  # fmt: skip
+    """``invoke`` of a file operator: open the browser, or start at once when the file is named already."""
+    if operator.properties.is_property_set("filepath") or bpy.app.background or context.window is None:
+        return start(context, event)
+    operator.asked = True
+    context.window_manager.fileselect_add(operator)
+    return {"RUNNING_MODAL"}
+
+
+def restart_when_closed(operator: bpy.types.Operator) -> bool:
+    """In ``execute``: True when the browser has just answered, and the operator was started anew with that answer.
+
+    The browser calls ``execute``, where no modal job may start; so the same operator is invoked from a timer.
+    """
+    if not getattr(operator, "asked", False):
+        return False
+    values = operator.as_keywords(ignore=("filter_glob", "check_existing", "files"))
+    if "files" in operator.properties:
+        values["files"] = [{"name": entry.name} for entry in operator.files]
+    name = operator.bl_idname
+
+    def start() -> None:
+        module, function = name.lower().replace("_ot_", ".").split(".", 1)
+        getattr(getattr(bpy.ops, module), function)("INVOKE_DEFAULT", **values)
+
+    bpy.app.timers.register(start, first_interval=0.01)
+    return True
+
+
+def idle(cls: type[bpy.types.Operator]) -> bool:
+    """Part of every ``poll``: nothing else runs."""
+    if SESSION.job is not None:
+        cls.poll_message_set(f"{SESSION.job.title} is running; wait for it or press Esc")
+        return False
+    return True

@@ -1,0 +1,118 @@
+"""Bring scans in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy.props import CollectionProperty, StringProperty
+from numpy.typing import NDArray
+
+from ...core.errors import BimVerifyError
+from ...core.progress import Progress
+from .. import project, scene
+from ..jobs import Job, Work
+from ..session import SESSION
+from .file_browser import ask_or_start, idle, restart_when_closed
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """One scan file, thinned for display."""
+
+    path: str
+    points: int
+    stations: int
+    xyz: NDArray[np.float64]
+    station: NDArray[np.int32]
+    color: NDArray[np.uint8] | None
+
+
+class BIMVERIFY_OT_import_scan(Job[list[Cloud]], bpy.types.Operator):
+    """Add scan files to the campaign and show each as a thinned cloud; verification reads the whole files."""
+
+    bl_idname = "bim_verify.import_scan"
+    bl_label = "Add Scans"
+    bl_description = "Add scan files (E57, LAS, LAZ, PLY, PCD, PTS, PTX, XYZ, CSV) and show each as a thinned cloud"
+    bl_options = {"REGISTER", "UNDO"}
+    title = "Add Scans"
+
+    filepath: StringProperty(name="File", subtype="FILE_PATH", description="Scan file")
+    directory: StringProperty(subtype="DIR_PATH", options={"HIDDEN"})
+    files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN"})
+    filter_glob: StringProperty(
+        default="*.e57;*.las;*.laz;*.ply;*.pcd;*.pts;*.ptx;*.xyz;*.txt;*.asc;*.csv;*.npy", options={"HIDDEN"}
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return idle(cls)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        return ask_or_start(self, context, event, lambda c, e: Job.invoke(self, c, e))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return {"CANCELLED"} if restart_when_closed(self) else Job.execute(self, context)
+
+    def prepare(self, context: bpy.types.Context) -> Work[list[Cloud]]:
+        from ...core.scans.open import open_scans
+        from ...core.scans.thin import thin
+
+        names = [entry.name for entry in self.files if entry.name]
+        paths = [str(Path(bpy.path.abspath(self.directory)) / name) for name in names] if names else [self.filepath]
+        if not paths[0]:
+            raise BimVerifyError("No scan file was given. Choose at least one.")
+        paths = [bpy.path.abspath(path) for path in paths]
+        settings = context.scene.bim_verify
+        origin, most = project.scanner_position(settings.origin), settings.display_points
+
+        def work(progress: Progress) -> list[Cloud]:
+            clouds = []
+            for number, path in enumerate(paths):
+                progress.update(number / len(paths), f"Reading {Path(path).name}")
+                source = open_scans([path], origin=origin)
+                xyz, station, color = thin(source, most)
+                clouds.append(Cloud(path, source.point_count, len(source.stations), xyz, station, color))
+            return clouds
+
+        return work
+
+    def finish(self, context: bpy.types.Context, value: list[Cloud]) -> str:
+        settings = context.scene.bim_verify
+        model = SESSION.models.get(context.scene.name)
+        for cloud in value:
+            entry = next((s for s in settings.scans if s.path == cloud.path), None) or settings.scans.add()
+            entry.name, entry.path = Path(cloud.path).name, cloud.path
+            entry.points, entry.stations = cloud.points, cloud.stations
+            xyz = project.to_model_frame(cloud.xyz, model, settings.scan_frame)
+            project.adopt_frame(context.scene, model, xyz)
+            scene.show_scan(context.scene, cloud.path, entry.name, xyz, cloud.station, cloud.color)
+        settings.scan_index = len(settings.scans) - 1
+        points = sum(cloud.points for cloud in value)
+        return f"{points:,} points in {len(value)} scan file{'s' if len(value) > 1 else ''}."
+
+
+class BIMVERIFY_OT_remove_scan(bpy.types.Operator):
+    """Take the active scan out of the campaign, with its cloud; the file stays."""
+
+    bl_idname = "bim_verify.remove_scan"
+    bl_label = "Remove Scan"
+    bl_description = "Take the active scan out of the campaign, with its cloud; the file on disk stays"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        settings = context.scene.bim_verify
+        if not 0 <= settings.scan_index < len(settings.scans):
+            cls.poll_message_set("Add a scan first")
+            return False
+        return idle(cls)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = context.scene.bim_verify
+        scene.remove_scan(context.scene, settings.scans[settings.scan_index].path)
+        settings.scans.remove(settings.scan_index)
+        settings.scan_index = min(settings.scan_index, len(settings.scans) - 1)
+        return {"FINISHED"}

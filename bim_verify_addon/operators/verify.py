@@ -1,0 +1,97 @@
+"""The main job."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty
+
+from ...core.progress import Progress
+from .. import bonsai, project, scene
+from ..jobs import Job, Work
+from ..properties import ALIGN_ITEMS, DEFAULTS, LOA_ITEMS
+from ..session import SESSION
+from ..surface_grid import Display, make_display
+from .file_browser import idle
+
+if TYPE_CHECKING:
+    from ...core.results import VerificationResult
+
+
+class BIMVERIFY_OT_verify(Job[tuple["VerificationResult", Display]], bpy.types.Operator):
+    """Decide for every element whether the scans confirm it, contradict it or never saw it, and colour it."""
+
+    bl_idname = "bim_verify.verify"
+    bl_label = "Verify"
+    bl_description = "Decide for every element whether the scans confirm it, contradict it, or never saw it"
+    bl_options = {"REGISTER", "UNDO"}
+    title = "Verify"
+
+    loa: EnumProperty(
+        name="Level", items=LOA_ITEMS, default=str(DEFAULTS.loa), description="Level of accuracy that is required"
+    )
+    sigma_mm: FloatProperty(
+        name="Scanner sigma (mm)",
+        default=DEFAULTS.sigma * 1000,
+        min=0.01,
+        soft_max=50,
+        precision=2,
+        description="Standard deviation of one return along its ray, millimetres",
+    )
+    align: EnumProperty(
+        name="Alignment",
+        items=ALIGN_ITEMS,
+        default=DEFAULTS.align,
+        description="How the scans are moved onto the model",
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        settings = context.scene.bim_verify
+        if not project.has_model(settings):
+            cls.poll_message_set("Import an IFC model first")
+            return False
+        if not any(scan.use for scan in settings.scans):
+            cls.poll_message_set("Add at least one scan first")
+            return False
+        return idle(cls)
+
+    def prepare(self, context: bpy.types.Context) -> Work[tuple[VerificationResult, Display]]:
+        from ...core import jobs
+
+        settings = context.scene.bim_verify
+        for name in ("loa", "sigma_mm", "align"):
+            if not self.properties.is_property_set(name):
+                setattr(self, name, getattr(settings, name))
+        options = replace(project.options(settings), loa=int(self.loa), sigma=self.sigma_mm / 1000, align=self.align)
+        load, paths, budget = (
+            project.model_loader(context.scene),
+            project.scan_paths(settings),
+            settings.display_vertices,
+        )
+
+        def work(progress: Progress) -> tuple[VerificationResult, Display]:
+            model = load(progress.part(0.0, 0.1))
+            result = jobs.verify(model, paths, options, progress.part(0.1, 0.9))
+            return result, make_display(result, budget, progress.part(0.9, 1.0))
+
+        return work
+
+    def finish(self, context: bpy.types.Context, value: tuple[VerificationResult, Display]) -> str:
+        from ...core.model.write_psets import apply_psets
+
+        result, display = value
+        live = bonsai.live_file()
+        if live is not None:
+            apply_psets(live, result)
+        SESSION.results[context.scene.name] = result
+        SESSION.models[context.scene.name] = result.model
+        project.adopt_frame(context.scene, result.model)
+        scene.show_result(context.scene, result, display)
+        scene.show_planned(context, False)
+        scene.show_colors_in_views()
+        for warning in result.warnings:
+            self.report({"WARNING"}, warning)
+        return context.scene.bim_verify.result_summary

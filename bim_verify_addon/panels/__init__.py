@@ -1,0 +1,7 @@
+"""The sidebar of the 3D view, tab "BIM Verify"."""
+
+from .element import BIMVERIFY_PT_element
+from .result import BIMVERIFY_PT_result
+from .steps import STEP_PANELS, BIMVERIFY_PT_steps, BIMVERIFY_UL_scans
+
+CLASSES = (BIMVERIFY_UL_scans, BIMVERIFY_PT_steps, *STEP_PANELS, BIMVERIFY_PT_result, BIMVERIFY_PT_element)

@@ -1,0 +1,121 @@
+"""From the scene's settings to what core wants, and where things come from when Bonsai holds the project."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import BimVerifyError
+from ..core.options import VerifyOptions
+from ..core.progress import Progress
+from . import bonsai, frame
+from .session import SESSION
+
+if TYPE_CHECKING:
+    from ..core.model.elements import BuildingModel
+
+
+def options(settings: bpy.types.PropertyGroup) -> VerifyOptions:
+    """The options of the scene; raises BimVerifyError where one cannot be understood."""
+    return VerifyOptions(
+        loa=int(settings.loa),
+        sigma=settings.sigma_mm / 1000,
+        align=settings.align,
+        sample_spacing=settings.spacing_mm / 1000,
+        fusion=settings.fusion,
+        scan_frame=settings.scan_frame,
+        origin=scanner_position(settings.origin),
+        threads=settings.threads,
+        memory_gb=settings.memory_gb,
+    )
+
+
+def scanner_position(text: str) -> tuple[float, float, float] | None:
+    """``X,Y,Z`` to metres; None for an empty text."""
+    if not text.strip():
+        return None
+    try:
+        x, y, z = (float(part) for part in text.replace(";", ",").split(","))
+    except ValueError as error:
+        raise BimVerifyError(
+            f"The scanner position {text!r} is not X,Y,Z in metres. Write it like 1.5,2.0,1.7."
+        ) from error
+    return x, y, z
+
+
+def scan_paths(settings: bpy.types.PropertyGroup) -> list[str]:
+    """The scan files in use, absolute."""
+    return [bpy.path.abspath(scan.path) for scan in settings.scans if scan.use]
+
+
+def model_path(settings: bpy.types.PropertyGroup) -> str:
+    """The IFC file: Bonsai's, else the scene's; empty when there is none."""
+    return bonsai.live_path() or bpy.path.abspath(settings.model_path)
+
+
+def has_model(settings: bpy.types.PropertyGroup) -> bool:
+    """A model is there: Bonsai holds one, or the scene names a file."""
+    return bonsai.live_file() is not None or bool(settings.model_path)
+
+
+def model_loader(scene: bpy.types.Scene) -> Callable[[Progress], BuildingModel]:
+    """How to get the scene's model, for a worker thread. Call this on the main thread.
+
+    What Bonsai holds in memory is written to a temporary file here, so that edits that were not saved count, and
+    nothing of Bonsai is used in another thread.
+    """
+    from ..core.model.load import load_model
+
+    threads = scene.bim_verify.threads
+    live = bonsai.live_file()
+    if live is not None:
+        folder = tempfile.TemporaryDirectory(prefix="bim_verify_")
+        copy = Path(folder.name) / "live.ifc"
+        live.write(str(copy))
+        known = bonsai.live_path() or "unsaved.ifc"
+
+        def load_live(progress: Progress) -> BuildingModel:
+            with folder:
+                return replace(load_model(copy, threads=threads, progress=progress), path=known)
+
+        return load_live
+    path = model_path(scene.bim_verify)
+    loaded = SESSION.models.get(scene.name)
+
+    def load(progress: Progress) -> BuildingModel:
+        model = load_model(path, threads=threads, progress=progress)
+        return loaded if loaded is not None and loaded.content_hash == model.content_hash else model
+
+    return load
+
+
+def adopt_frame(scene: bpy.types.Scene, model: BuildingModel | None, cloud: NDArray[np.float64] | None = None) -> None:
+    """Set the frame of the scene: Bonsai's, else the model's, else (no model yet) the cloud's ((N, 3) metres)."""
+    chosen = bonsai.view_frame(scene)
+    if chosen is None and model is not None:
+        low, high = model.bounds
+        chosen = frame.frame_for(model.origin, float(np.abs([low, high]).max()))
+    if chosen is None and cloud is not None and len(cloud) and frame.stored(scene) is None:
+        middle = np.median(cloud, axis=0)
+        chosen = frame.frame_for(middle, float(np.abs(cloud - middle).max()))
+    if chosen is not None and chosen != frame.stored(scene):
+        frame.store(scene, chosen)
+
+
+def to_model_frame(xyz: NDArray[np.float64], model: BuildingModel | None, scan_frame: str) -> NDArray[np.float64]:
+    """(N, 3) scan frame to (N, 3) model frame, metres, for display."""
+    if model is None or model.map_conversion is None or scan_frame == "model" or not len(xyz):
+        return xyz
+    converted = model.map_conversion.to_model(xyz)
+    if scan_frame == "map":
+        return converted
+    middle = model.origin + model.bounds.mean(axis=0)
+    near = np.linalg.norm(np.median(xyz, axis=0) - middle) <= np.linalg.norm(np.median(converted, axis=0) - middle)
+    return xyz if near else converted

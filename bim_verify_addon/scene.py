@@ -1,0 +1,296 @@
+"""Arrays to Blender objects and back: elements, their coloured surfaces, scans. Runs on the main thread only."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.model.elements import BuildingModel, Element
+from ..core.results import LEVELS, STATUSES, ElementVerdict, VerificationResult
+from . import bonsai, colors, frame, materials
+from .surface_grid import Display
+
+ROOT = "BIM Verify"
+SCANS = "Scans"
+GUID_KEY = "GlobalId"
+PLACE_KEY = "bim_verify_collection"
+"""On each collection that we make: its path below the root, since Blender may have renamed it."""
+SCAN_KEY = "bim_verify_scan"
+"""On each scan object: the path of its file."""
+OCCUPIED, EMPTY, UNKNOWN, DEVIATION, COLOR = "bv_occupied", "bv_empty", "bv_unknown", "bv_deviation", "bv_color"
+
+PLAIN_FIELDS = (
+    "status",
+    "required_loa",
+    "achieved_loa",
+    "belief_occupied",
+    "belief_empty",
+    "belief_unknown",
+    "conflict",
+    "coverage",
+    "sample_count",
+    "observed_count",
+    "area",
+    "measurement_sigma",
+    "registration_sigma",
+    "reason",
+)
+"""Of a verdict, stored on the object as they are; the others may be missing, or are no single numbers."""
+
+
+def element_objects(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
+    """GlobalId -> the object that we made for it (never one of Bonsai's)."""
+    return {item[GUID_KEY]: item for item in scene.objects if GUID_KEY in item and frame.ORIGIN_KEY in item}
+
+
+def scan_objects(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
+    """The display clouds of the scene."""
+    return (item for item in scene.objects if SCAN_KEY in item)
+
+
+def show_model(scene: bpy.types.Scene, model: BuildingModel) -> None:
+    """One object an element, in a collection a storey; what an earlier import made is brought up to date or removed."""
+    place = frame.stored(scene) or frame.ViewFrame()
+    existing = element_objects(scene)
+    start = model.triangle_start
+    for index, element in enumerate(model.elements):
+        triangles = model.triangles[start[index] : start[index + 1]]
+        used, corner = np.unique(triangles, return_inverse=True)
+        mesh = _mesh(element.ifc_class, model.vertices[used], corner.reshape(-1, 3))
+        _put_element(scene, existing.pop(element.global_id, None), element, mesh, model.origin, place)
+    for item in existing.values():
+        _remove(item)
+
+
+def show_result(scene: bpy.types.Scene, result: VerificationResult, display: Display) -> None:
+    """Give every element its coloured surface and its verdict; objects are made where there are none."""
+    place = frame.stored(scene) or frame.ViewFrame()
+    existing = element_objects(scene)
+    settings = scene.bim_verify
+    mode, span = colors.BY_IDENTIFIER[settings.color_mode], settings.deviation_range_mm / 1000
+    grid, values = display.grid, display.values
+    material = materials.surface_material(COLOR)
+    for index, (element, verdict) in enumerate(zip(result.model.elements, result.verdicts, strict=True)):
+        at = slice(grid.vertex_start[index], grid.vertex_start[index + 1])
+        of = slice(grid.triangle_start[index], grid.triangle_start[index + 1])
+        mesh = _mesh(element.ifc_class, grid.vertices[at], grid.triangles[of] - at.start)
+        surface = colors.Surface(
+            verdict.status,
+            verdict.achieved_loa,
+            values.occupied[at],
+            values.empty[at],
+            values.unknown[at],
+            values.deviation[at],
+        )
+        set_attribute(mesh, OCCUPIED, "FLOAT", surface.occupied)
+        set_attribute(mesh, EMPTY, "FLOAT", surface.empty)
+        set_attribute(mesh, UNKNOWN, "FLOAT", surface.unknown)
+        set_attribute(mesh, DEVIATION, "FLOAT", surface.deviation)
+        set_attribute(mesh, COLOR, "FLOAT_COLOR", colors.rgba(mode, surface, span))
+        _make_active_color(mesh)
+        mesh.materials.append(material)
+        item = _put_element(scene, existing.get(element.global_id), element, mesh, result.model.origin, place)
+        _store_verdict(item, verdict)
+    _store_summary(scene, result)
+
+
+def recolor(scene: bpy.types.Scene) -> None:
+    """Colour all verified elements again from their attributes, by the scene's colour mode."""
+    settings = scene.bim_verify
+    mode, span = colors.BY_IDENTIFIER[settings.color_mode], settings.deviation_range_mm / 1000
+    for item in element_objects(scene).values():
+        mesh = item.data
+        if COLOR not in mesh.attributes:
+            continue
+        surface = colors.Surface(
+            item.bim_verify.status,
+            item.bim_verify.achieved_loa,
+            *(get_attribute(mesh, name) for name in (OCCUPIED, EMPTY, UNKNOWN, DEVIATION)),
+        )
+        set_attribute(mesh, COLOR, "FLOAT_COLOR", colors.rgba(mode, surface, span))
+        mesh.update_tag()
+
+
+def show_scan(
+    scene: bpy.types.Scene,
+    path: str,
+    name: str,
+    xyz: NDArray[np.float64],
+    station: NDArray[np.int32],
+    color: NDArray[np.uint8] | None,
+) -> bpy.types.Object:
+    """A thinned scan as a mesh of vertices, with ``station`` (INT) and ``bv_color`` (FLOAT_COLOR) on each.
+
+    ``xyz``: (N, 3) metres, model frame.
+    """
+    remove_scan(scene, path)
+    middle = np.round(np.median(xyz, axis=0)) if len(xyz) else np.zeros(3)
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(len(xyz))
+    mesh.attributes["position"].data.foreach_set("vector", (xyz - middle).astype(np.float32).ravel())
+    set_attribute(mesh, "station", "INT", station.astype(np.int32))
+    rgba = np.ones((len(xyz), 4), dtype=np.float32)
+    rgba[:, :3] = colors.scan_color(color, station)
+    set_attribute(mesh, COLOR, "FLOAT_COLOR", rgba)
+    _make_active_color(mesh)
+    mesh.update()
+    item = bpy.data.objects.new(name, mesh)
+    item[SCAN_KEY] = path
+    item[frame.ORIGIN_KEY] = [float(v) for v in middle]
+    frame.place(item, frame.stored(scene) or frame.ViewFrame())
+    collection(scene, SCANS).objects.link(item)
+    return item
+
+
+def remove_scan(scene: bpy.types.Scene, path: str) -> None:
+    """Remove the display cloud of this file."""
+    for old in [item for item in scan_objects(scene) if item[SCAN_KEY] == path]:
+        _remove(old)
+
+
+def move_scans(scene: bpy.types.Scene, transform: NDArray[np.float64]) -> None:
+    """Show all scans where an alignment puts them; ``transform`` (4, 4): scan frame to model frame, metres."""
+    place = frame.stored(scene) or frame.ViewFrame()
+    for item in scan_objects(scene):
+        item[frame.ALIGNMENT_KEY] = [float(v) for v in transform.ravel()]
+        frame.place(item, place)
+
+
+def show_planned(context: bpy.types.Context, planned: bool) -> None:
+    """With Bonsai: its objects and our surfaces fill the same space, so one of them is hidden in the view layer."""
+    ours = element_objects(context.scene)
+    theirs = list(bonsai.objects(ours))
+    if not theirs:
+        return
+    here = context.view_layer.objects
+    for item in ours.values():
+        if item.name in here:
+            item.hide_set(planned)
+    for item in theirs:
+        if item.name in here:
+            item.hide_set(not planned)
+
+
+def show_colors_in_views() -> None:
+    """Let solid shading in all 3D views show the colour attribute."""
+    for screen in bpy.data.screens:
+        for area in screen.areas:
+            for space in area.spaces:
+                if space.type == "VIEW_3D":
+                    space.shading.color_type = "VERTEX"
+
+
+def collection(scene: bpy.types.Scene, *path: str) -> bpy.types.Collection:
+    """The collection ``BIM Verify / path...``, made where it is missing."""
+    parent = scene.collection
+    for depth in range(len(path) + 1):
+        name = path[depth - 1] if depth else ROOT
+        key = "\n".join(path[:depth])
+        found = next((c for c in parent.children if c.get(PLACE_KEY) == key), None)
+        if found is None:
+            found = bpy.data.collections.new(name or "(no storey)")
+            found[PLACE_KEY] = key
+            parent.children.link(found)
+        parent = found
+    return parent
+
+
+def set_attribute(mesh: bpy.types.Mesh, name: str, kind: str, values: NDArray[np.generic]) -> None:
+    """Write a per-vertex attribute of type INT, FLOAT ((V,)) or FLOAT_COLOR ((V, 4) linear)."""
+    attribute = mesh.attributes.get(name) or mesh.attributes.new(name, kind, "POINT")
+    field = "color" if kind == "FLOAT_COLOR" else "value"
+    dtype = np.int32 if kind == "INT" else np.float32
+    attribute.data.foreach_set(field, np.ascontiguousarray(values, dtype=dtype).ravel())
+
+
+def get_attribute(mesh: bpy.types.Mesh, name: str) -> NDArray[np.float32]:
+    """Read a per-vertex FLOAT attribute, (V,)."""
+    values = np.empty(len(mesh.vertices), dtype=np.float32)
+    mesh.attributes[name].data.foreach_get("value", values)
+    return values
+
+
+def object_name(element: Element) -> str:
+    """``IfcWall/Name``, as Bonsai names its objects."""
+    return f"{element.ifc_class}/{element.name or 'Unnamed'}"
+
+
+def _mesh(name: str, vertices: NDArray[np.float64], triangles: NDArray[np.integer]) -> bpy.types.Mesh:
+    """A mesh around its own middle; the middle (local frame) is left on it for ``_put_element``."""
+    middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0)) if len(vertices) else np.zeros(3)
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(len(vertices))
+    mesh.attributes["position"].data.foreach_set("vector", (vertices - middle).astype(np.float32).ravel())
+    mesh.loops.add(3 * len(triangles))
+    mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(triangles, dtype=np.int32).ravel())
+    mesh.polygons.add(len(triangles))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * len(triangles), 3, dtype=np.int32))
+    mesh.update(calc_edges=True)
+    mesh[frame.ORIGIN_KEY] = [float(v) for v in middle]
+    return mesh
+
+
+def _put_element(
+    scene: bpy.types.Scene,
+    item: bpy.types.Object | None,
+    element: Element,
+    mesh: bpy.types.Mesh,
+    origin: NDArray[np.float64],
+    place: frame.ViewFrame,
+) -> bpy.types.Object:
+    if item is None:
+        item = bpy.data.objects.new(object_name(element), mesh)
+        item[GUID_KEY] = element.global_id
+        collection(scene, element.storey).objects.link(item)
+    else:
+        old, item.data = item.data, mesh
+        if old.users == 0:
+            bpy.data.meshes.remove(old)
+    item[frame.ORIGIN_KEY] = [float(v) for v in origin + np.array(mesh.pop(frame.ORIGIN_KEY)[:])]
+    frame.place(item, place)
+    item.bim_verify.ifc_class = element.ifc_class
+    item.bim_verify.element_name = element.name
+    item.bim_verify.storey = element.storey
+    return item
+
+
+def _remove(item: bpy.types.Object) -> None:
+    mesh = item.data
+    bpy.data.objects.remove(item)
+    if mesh.users == 0:
+        bpy.data.meshes.remove(mesh)
+
+
+def _make_active_color(mesh: bpy.types.Mesh) -> None:
+    mesh.color_attributes.active_color_name = COLOR
+    mesh.color_attributes.render_color_index = mesh.color_attributes.active_color_index
+
+
+def _store_verdict(item: bpy.types.Object, verdict: ElementVerdict) -> None:
+    stored = item.bim_verify
+    for name in PLAIN_FIELDS:
+        setattr(stored, name, getattr(verdict, name))
+    for name in ("deviation_median", "deviation_p95", "displacement", "displacement_sigma"):
+        value = getattr(verdict, name)
+        setattr(stored, name, math.nan if value is None else value)
+    stored.displacement_vector = verdict.displacement_vector or (math.nan,) * 3
+    stored.confirmed_ratio = [verdict.confirmed_ratio.get(level, 0.0) for level in LEVELS]
+    stored.significant = bool(verdict.significant)
+    stored.stations = ", ".join(verdict.stations)
+
+
+def _store_summary(scene: bpy.types.Scene, result: VerificationResult) -> None:
+    settings = scene.bim_verify
+    settings.counts.clear()
+    for status in STATUSES:
+        entry = settings.counts.add()
+        entry.status, entry.count = status, result.count(status)
+    summary = result.summary()
+    settings.result_summary = (
+        f"{summary['elements']} elements, {100 * summary['coverage']:.0f} % of the surface observed"
+    )
+    settings.result_note = "\n".join(result.warnings)

@@ -1,0 +1,44 @@
+"""What is known in memory beside the .blend file: the model, the last result, the job that runs.
+
+The scene properties name the files, so everything here can be made again; opening another .blend file drops it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..core.model.elements import BuildingModel
+    from ..core.results import AlignmentRecord, VerificationResult
+
+
+@dataclass
+class RunningJob:
+    """Shown by the panel while a job runs."""
+
+    title: str
+    fraction: float = 0.0
+    message: str = ""
+    seconds_left: float | None = None
+
+
+@dataclass
+class Session:
+    """One per Blender process."""
+
+    models: dict[str, BuildingModel] = field(default_factory=dict)
+    """Scene name -> model."""
+    results: dict[str, VerificationResult] = field(default_factory=dict)
+    alignments: dict[str, AlignmentRecord] = field(default_factory=dict)
+    job: RunningJob | None = None
+
+    def clear(self) -> None:
+        """Forget everything (another file was opened, or the extension was disabled)."""
+        self.models.clear()
+        self.results.clear()
+        self.alignments.clear()
+        self.job = None
+
+
+SESSION = Session()

@@ -1,0 +1,133 @@
+"""Build the Blender extension: the code, and the wheels it needs for each platform and Python of Blender.
+
+    python scripts/build_extension.py --out dist                                   all platforms, one zip each
+    python scripts/build_extension.py --out dist --platforms linux-x64 --pythons 3.11
+
+Needs pip and Blender: the ``bpy`` module in this Python, or a Blender executable named with ``--blender``. The wheels
+are those that pip resolves for the NumPy that Blender itself brings, which is not bundled.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+PIP_PLATFORMS = {
+    "linux-x64": ["manylinux_2_28_x86_64", "manylinux_2_27_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64",
+                  "manylinux_2_31_x86_64"],
+    "windows-x64": ["win_amd64"],
+    "macos-arm64": ["macosx_14_0_arm64"],
+    "macos-x64": ["macosx_13_0_x86_64"],
+}  # fmt: skip
+"""Blender's names of platforms, and the wheel tags that run on each (pip adds the older macOS versions)."""
+
+BLENDER_NUMPY = {"3.11": "1.24.3", "3.13": "2.3.4"}
+"""The oldest NumPy in a Blender with that Python (4.2 LTS; 5.1). Compiled wheels must accept it."""
+
+IN_BLENDER = {"numpy"}
+"""Comes with Blender; a second copy could clash with it."""
+
+NOT_INSIDE = {"matplotlib", "rich"}
+"""Only the console and the scripts that make the documentation draw with these."""
+
+
+def main() -> int:
+    """Parse, collect, build, validate; 0 when every asked-for platform was built."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True, help="folder for the zip files")
+    parser.add_argument("--platforms", default=",".join(PIP_PLATFORMS), help="comma-separated Blender platforms")
+    parser.add_argument("--pythons", default=",".join(BLENDER_NUMPY), help="comma-separated Python versions")
+    parser.add_argument("--wheels", type=Path, help="keep downloaded wheels here (a folder that may be used again)")
+    parser.add_argument("--blender", help="Blender executable; default: the bpy module of this Python")
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    failed = []
+    with tempfile.TemporaryDirectory(prefix="bim_verify_build_") as scratch:
+        for platform in options.platforms.split(","):
+            wheels = options.wheels or Path(scratch) / "wheels"
+            try:
+                found = [w for python in options.pythons.split(",") for w in collect(platform, python, wheels / platform)]
+                target = build(platform, sorted(set(found)), Path(scratch) / f"stage_{platform}", options)
+            except subprocess.CalledProcessError as error:
+                print(f"{platform}: failed\n{error.stdout}", file=sys.stderr)
+                failed.append(platform)
+                continue
+            print(f"{platform}: {target} {target.stat().st_size / 1e6:.0f} MB, {len(set(found))} wheels")
+    return 1 if failed else 0
+
+
+def requirements() -> list[str]:
+    """What the package needs at run time inside Blender, from pyproject.toml."""
+    with (ROOT / "pyproject.toml").open("rb") as stream:
+        declared = tomllib.load(stream)["project"]["dependencies"]
+    return [line for line in declared if name_of(line) not in IN_BLENDER | NOT_INSIDE]
+
+
+def name_of(requirement: str) -> str:
+    """``laspy[lazrs]>=2.7`` -> ``laspy``."""
+    return re.split(r"[^A-Za-z0-9_.-]", requirement, maxsplit=1)[0].lower()
+
+
+def collect(platform: str, python: str, folder: Path) -> list[Path]:
+    """Download the wheels of one platform and Python; those of Blender's own packages are left out."""
+    place = folder / python
+    place.mkdir(parents=True, exist_ok=True)
+    tags = [part for tag in PIP_PLATFORMS[platform] for part in ("--platform", tag)]
+    run(
+        [sys.executable, "-m", "pip", "download", "--quiet", "--only-binary=:all:", "--dest", str(place), *tags]
+        + ["--python-version", python, "--implementation", "cp", *requirements(), f"numpy=={BLENDER_NUMPY[python]}"]
+    )
+    return [wheel for wheel in place.glob("*.whl") if name_of(wheel.name.split("-")[0]) not in IN_BLENDER]
+
+
+def build(platform: str, wheels: list[Path], stage: Path, options: argparse.Namespace) -> Path:
+    """Stage the code with its wheels and an adapted manifest, build the zip and validate it."""
+    skipped = shutil.ignore_patterns(".*", "__pycache__", "tests", "docs", "build", "dist", "demo", "*.egg-info", "*.zip")
+    shutil.copytree(ROOT, stage, ignore=skipped)
+    (stage / "wheels").mkdir()
+    for wheel in wheels:
+        shutil.copy2(wheel, stage / "wheels" / wheel.name)
+    version = re.search(r'^__version__ = "(.+)"', (ROOT / "__init__.py").read_text(encoding="utf-8"), re.MULTILINE)
+    if version is None:
+        raise SystemExit("__init__.py has no __version__.")
+    manifest = (ROOT / "blender_manifest.toml").read_text(encoding="utf-8")
+    manifest = re.sub(r'^version = ".*"', f'version = "{version[1]}"', manifest, flags=re.MULTILINE)
+    listed = "".join(f'    "./wheels/{wheel.name}",\n' for wheel in wheels)
+    generated = f'platforms = ["{platform}"]\nwheels = [\n{listed}]\n\n[permissions]'
+    (stage / "blender_manifest.toml").write_text(manifest.replace("[permissions]", generated, 1), encoding="utf-8")
+    target = options.out / f"bim_verify-{version[1]}-{platform}.zip"
+    target.unlink(missing_ok=True)
+    tool = extension_tool(options.blender)
+    run([*tool, "build", "--source-dir", str(stage), "--output-filepath", str(target.resolve())])
+    run([*tool, "validate", str(target.resolve())])
+    return target
+
+
+def extension_tool(blender: str | None) -> list[str]:
+    """The command that builds and validates extensions: Blender's own, or the same script in the bpy module."""
+    if blender:
+        return [blender, "--factory-startup", "--command", "extension"]
+    import bpy
+
+    scripts = Path(bpy.utils.system_resource("SCRIPTS"))
+    return [sys.executable, str(scripts / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py")]
+
+
+def run(command: list[str]) -> None:
+    """Run a command; its output is in the error when it fails."""
+    subprocess.run(command, check=True, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+
+
+if __name__ == "__main__":
+    code = main()
+    sys.stdout.flush()
+    os._exit(code)

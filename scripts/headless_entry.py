@@ -1,0 +1,85 @@
+"""What every headless script does: find the package, pass on what follows ``--``, leave with the command's exit code."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+import sys
+from pathlib import Path
+from types import ModuleType
+
+CHECKOUT = Path(__file__).resolve().parent.parent
+EXTENSION = "bim_verify"
+
+
+def run(command: str) -> None:
+    """Run ``bim-verify COMMAND`` with the arguments after ``--`` and end the process with its exit code.
+
+    The process is left by ``os._exit``: Blender in a Python module may hang or crash in its own clean-up at exit, and
+    ``blender --python`` would otherwise go on and end with 0.
+    """
+    arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []
+    code = 1
+    try:
+        cli = importlib.import_module(f"{package().__name__}.cli")
+        code = cli.main([command, *arguments])
+    except SystemExit as leave:  # argparse: wrong usage, or --help
+        code = leave.code if isinstance(leave.code, int) else int(leave.code is not None)
+    except KeyboardInterrupt:
+        code = 130
+    except ImportError as error:
+        print(f"bim_verify cannot be loaded: {error}. Install the extension in Blender, or pip install it.", file=sys.stderr)
+    except BaseException:
+        sys.excepthook(*sys.exc_info())
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def package() -> ModuleType:
+    """``bim_verify``: the copy that this script lies in, else the installed package, else the installed extension.
+
+    Inside Blender the libraries it needs come with the extension, wherever the code itself is taken from.
+    """
+    add_extension_wheels()
+    if (CHECKOUT / "core").is_dir() and (CHECKOUT / "__init__.py").is_file():
+        return load_checkout()
+    if importlib.util.find_spec("bim_verify") is not None:
+        return importlib.import_module("bim_verify")
+    for name in enabled_extensions():
+        if name.rpartition(".")[2] == EXTENSION:
+            return importlib.import_module(name)
+    raise ImportError("no package of that name is installed")
+
+
+def load_checkout() -> ModuleType:
+    """The folder above as the package ``bim_verify``, whatever the folder is called."""
+    spec = importlib.util.spec_from_file_location(
+        "bim_verify", CHECKOUT / "__init__.py", submodule_search_locations=[str(CHECKOUT)]
+    )
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{CHECKOUT} is no package")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["bim_verify"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def enabled_extensions() -> list[str]:
+    """Module names of what is enabled in Blender's preferences; empty without Blender."""
+    try:
+        import bpy
+    except ImportError:
+        return []
+    return list(bpy.context.preferences.addons.keys())
+
+
+def add_extension_wheels() -> None:
+    """With the ``bpy`` module, make the wheels of installed extensions importable; a Blender executable has done so."""
+    if importlib.util.find_spec("bpy") is None or importlib.util.find_spec("ifcopenshell") is not None:
+        return
+    import bpy
+
+    bpy.ops.wm.read_userpref()

@@ -1,0 +1,80 @@
+"""The stated covariance holds the pose errors that elements off their place cause."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from bim_verify.core.alignment.planned_surface import Matches
+from bim_verify.core.alignment.refine import Fit, adjust
+from bim_verify.core.alignment.robust_fit import jacobian
+from bim_verify.core.alignment.uncertainty import assess
+from bim_verify.core.errors import BimVerifyError
+
+ELEMENTS = 48
+PER_FACE = 40
+SIGMA = 0.002
+EXTENT = 4.0
+
+
+def campaign(seed: int, deviation: float, moved: int) -> tuple[np.ndarray, np.ndarray, Matches, np.ndarray]:
+    """Returns on both faces of random plates, off their place as plates: position, Jacobian, matches, element of face."""
+    rng = np.random.default_rng(seed)
+    axis = np.arange(ELEMENTS) % 3
+    middle = rng.uniform(-5, 5, (ELEMENTS, 3)) * (1.0, 0.8, 0.3)
+    shift = rng.normal(0.0, deviation, (ELEMENTS, 3))
+    shift[rng.choice(ELEMENTS, moved, replace=False)] += rng.uniform(0.02, 0.12)
+    element = np.repeat(np.arange(ELEMENTS), 2)
+    normal = np.eye(3)[axis[element]] * np.tile([1.0, -1.0], ELEMENTS)[:, None]
+    face = np.repeat(np.arange(2 * ELEMENTS, dtype=np.int32), PER_FACE)
+    spread = rng.uniform(-1.5, 1.5, (len(face), 3)) * (1.0 - np.abs(normal[face]))
+    position = middle[element[face]] + spread
+    n = normal[face]
+    residual = np.einsum("ij,ij->i", shift[element[face]], n) + rng.normal(0.0, SIGMA, len(face))
+    residual[rng.random(len(face)) < 0.05] += 0.03
+    matches = Matches(np.arange(len(face)), residual, n, face)
+    return position, jacobian(position, n), matches, element.astype(np.int32)
+
+
+@pytest.mark.parametrize("deviation", [0.001, 0.004])
+def test_squared_errors_follow_chi_square(deviation: float) -> None:
+    """Over 100 campaigns the truth is a zero motion. With the exact covariance the squared error has the mean 6, with 3.5
+    and 9 fourteen and six of its own sigmas away, and 95 % lie below the 95 % point, give or take 2.2 %; the covariance
+    itself is estimated from 48 elements and meant to err to the large side."""
+    squares = []
+    for seed in range(100):
+        position, rows, matches, element = campaign(seed, deviation, moved=7)
+        motion, matches, weights = adjust(rows, matches, len(element), EXTENT, SIGMA)
+        fit = Fit(np.eye(4), np.zeros(3), EXTENT, position, matches, weights, len(rows))
+        squares.append(motion @ np.linalg.solve(assess(fit, element, ELEMENTS).covariance, motion))
+    assert 3.5 < np.mean(squares) < 7.0
+    assert np.mean(np.array(squares) < chi2.ppf(0.95, 6)) >= 0.92
+
+
+def test_counting_returns_instead_of_elements_would_be_far_too_optimistic() -> None:
+    position, rows, matches, element = campaign(0, 0.004, moved=0)
+    _, matches, weights = adjust(rows, matches, len(element), EXTENT, SIGMA)
+    stated = assess(Fit(np.eye(4), np.zeros(3), EXTENT, position, matches, weights, len(rows)), element, ELEMENTS)
+    naive = weights.within**2 * np.linalg.inv(rows.T @ rows)
+    assert np.trace(stated.covariance[3:, 3:]) > 10 * np.trace(naive[3:, 3:])
+
+
+def test_a_direction_that_hangs_on_one_element_is_said_so() -> None:
+    position, rows, matches, element = campaign(0, 0.001, moved=0)
+    vertical = np.abs(matches.normal[:, 2]) > 0.5
+    keep = ~vertical | (element[matches.patch] == 2)
+    kept = Matches(matches.row[keep], matches.residual[keep], matches.normal[keep], matches.patch[keep])
+    _, kept, weights = adjust(rows[keep], kept, len(element), EXTENT, SIGMA)
+    found = assess(Fit(np.eye(4), np.zeros(3), EXTENT, position[keep], kept, weights, int(keep.sum())), element, ELEMENTS)
+    assert "hangs on one element alone" in found.weakest
+    assert "(0.0" in found.weakest or "(1.0" in found.weakest
+
+
+def test_no_information_along_an_axis_is_refused() -> None:
+    position, rows, matches, element = campaign(0, 0.001, moved=0)
+    keep = np.abs(matches.normal[:, 0]) < 0.5
+    kept = Matches(matches.row[keep], matches.residual[keep], matches.normal[keep], matches.patch[keep])
+    _, kept, weights = adjust(rows[keep], kept, len(element), EXTENT, SIGMA)
+    with pytest.raises(BimVerifyError, match=r"translation along \(1\.00, 0\.00, 0\.00\)"):
+        assess(Fit(np.eye(4), np.zeros(3), EXTENT, position[keep], kept, weights, int(keep.sum())), element, ELEMENTS)
