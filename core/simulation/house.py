@@ -51,7 +51,7 @@ def _roof_underside(y: float) -> float:
 
 def _garden(house: HouseBuilder, ground: Any) -> None:
     lawn = Solid(
-        ((-6000, -8500), (16000, -8500), (16000, 13500), (-6000, 13500)), "z", -360, 300, "grass",
+        ((-4800, -7400), (14200, -7400), (14200, 12400), (-4800, 12400)), "z", -360, 300, "grass",
         holes=(((0, 0), (LENGTH, 0), (LENGTH, WIDTH), (0, WIDTH)),),
     )
     house.add("IfcGeographicElement", "Lawn", [lawn], ground, predefined="TERRAIN")
