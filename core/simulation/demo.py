@@ -41,9 +41,9 @@ NEW: tuple[Prop, ...] = (
 )
 """Things that are not in the model; model frame, metres."""
 STATIONS: tuple[tuple[str, tuple[float, float, float]], ...] = (
-    ("Garden south", (5.6, -7.0, 1.55)),
+    ("Garden south", (5.6, -6.9, 1.55)),
     ("Garden east", (13.6, -0.5, 1.55)),
-    ("Garden north", (9.5, 12.0, 1.55)),
+    ("Garden north", (9.5, 11.9, 1.55)),
     ("Garden west", (-4.4, 9.0, 1.55)),
     ("Living room", (3.1, 3.1, 1.5)),
     ("Kitchen", (7.9, 1.9, 1.5)),

@@ -51,7 +51,7 @@ def _roof_underside(y: float) -> float:
 
 def _garden(house: HouseBuilder, ground: Any) -> None:
     lawn = Solid(
-        ((-6000, -8500), (16000, -8500), (16000, 13500), (-6000, 13500)), "z", -360, 300, "grass",
+        ((-4800, -7400), (14200, -7400), (14200, 12400), (-4800, 12400)), "z", -360, 300, "grass",
         holes=(((0, 0), (LENGTH, 0), (LENGTH, WIDTH), (0, WIDTH)),),
     )
     house.add("IfcGeographicElement", "Lawn", [lawn], ground, predefined="TERRAIN")
@@ -444,7 +444,7 @@ def _furniture(house: HouseBuilder, ground: Any, upper: Any) -> None:
     level = UPPER
     _piece(house, "Double bed", _bed(1600), at(400, 1500, level), upper)
     _piece(house, "Single bed", _bed(1000), at(7500, 2600, level), upper)
-    _piece(house, "Wardrobe", [box(0, 0, 0, 2000, 600, 2050, "oak")], at(2700, 3650, level), upper)
+    _piece(house, "Wardrobe", [box(0, 0, 0, 2000, 600, 2050, "oak")], at(1000, 3650, level), upper)
     _piece(house, "Desk", _table(0, 0, 1400, 650, 740, "white"), at(5250, 700, level), upper)
     house.add(
         "IfcBuildingElementProxy", "Water tank",
