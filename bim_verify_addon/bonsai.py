@@ -14,7 +14,6 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 import bpy
-import ifcopenshell.util.unit
 
 from .frame import ViewFrame
 
@@ -39,6 +38,8 @@ def view_frame(scene: bpy.types.Scene) -> ViewFrame | None:
     georeference = getattr(scene, "BIMGeoreferenceProperties", None)
     if georeference is None or not georeference.has_blender_offset:
         return ViewFrame()
+    import ifcopenshell.util.unit
+
     unit = float(ifcopenshell.util.unit.calculate_unit_scale(file))
     x, y, z = (float(getattr(georeference, f"blender_offset_{axis}")) * unit for axis in "xyz")
     angle = math.atan2(float(georeference.blender_x_axis_ordinate), float(georeference.blender_x_axis_abscissa))

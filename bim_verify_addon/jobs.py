@@ -44,9 +44,13 @@ class Job(Generic[T]):
         return self._finished(context, value)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
-        """Start the worker thread; ``modal`` takes over."""
+        """In a window: start the worker thread, ``modal`` takes over. Without one: do all of it now."""
         if bpy.app.background or context.window is None:
             return self.execute(context)
+        return self.start(context)
+
+    def start(self, context: bpy.types.Context) -> set[str]:
+        """Start the worker thread and the timer that watches it."""
         try:
             work = self.prepare(context)
         except Exception as error:

@@ -60,7 +60,7 @@ def show_model(scene: bpy.types.Scene, model: BuildingModel) -> None:
     for index, element in enumerate(model.elements):
         triangles = model.triangles[start[index] : start[index + 1]]
         used, corner = np.unique(triangles, return_inverse=True)
-        mesh = _mesh(element.ifc_class, model.vertices[used], corner.reshape(-1, 3))
+        mesh = _mesh(object_name(element), model.vertices[used], corner.reshape(-1, 3))
         _put_element(scene, existing.pop(element.global_id, None), element, mesh, model.origin, place)
     for item in existing.values():
         _remove(item)
@@ -77,7 +77,7 @@ def show_result(scene: bpy.types.Scene, result: VerificationResult, display: Dis
     for index, (element, verdict) in enumerate(zip(result.model.elements, result.verdicts, strict=True)):
         at = slice(grid.vertex_start[index], grid.vertex_start[index + 1])
         of = slice(grid.triangle_start[index], grid.triangle_start[index + 1])
-        mesh = _mesh(element.ifc_class, grid.vertices[at], grid.triangles[of] - at.start)
+        mesh = _mesh(object_name(element), grid.vertices[at], grid.triangles[of] - at.start)
         surface = colors.Surface(
             verdict.status,
             verdict.achieved_loa,
@@ -250,6 +250,7 @@ def _put_element(
         old, item.data = item.data, mesh
         if old.users == 0:
             bpy.data.meshes.remove(old)
+        mesh.name = object_name(element)
     item[frame.ORIGIN_KEY] = [float(v) for v in origin + np.array(mesh.pop(frame.ORIGIN_KEY)[:])]
     frame.place(item, place)
     item.bim_verify.ifc_class = element.ifc_class

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from ..core.model.elements import BuildingModel
 from ..core.model.samples import SurfaceSamples
@@ -127,6 +126,8 @@ def interpolate(
 
     The three beliefs of a vertex add up to one. A deviation is the mean over those neighbours that have one.
     """
+    from scipy.spatial import cKDTree  # here: enabling the extension must not wait for it
+
     progress = progress or Progress()
     count = len(grid.vertices)
     belief = np.zeros((count, 3), dtype=np.float32)

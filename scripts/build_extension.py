@@ -55,7 +55,9 @@ def main() -> int:
         for platform in options.platforms.split(","):
             wheels = options.wheels or Path(scratch) / "wheels"
             try:
-                found = [w for python in options.pythons.split(",") for w in collect(platform, python, wheels / platform)]
+                found = [
+                    w for python in options.pythons.split(",") for w in collect(platform, python, wheels / platform)
+                ]
                 target = build(platform, sorted(set(found)), Path(scratch) / f"stage_{platform}", options)
             except subprocess.CalledProcessError as error:
                 print(f"{platform}: failed\n{error.stdout}", file=sys.stderr)
@@ -82,16 +84,17 @@ def collect(platform: str, python: str, folder: Path) -> list[Path]:
     place = folder / python
     place.mkdir(parents=True, exist_ok=True)
     tags = [part for tag in PIP_PLATFORMS[platform] for part in ("--platform", tag)]
-    run(
-        [sys.executable, "-m", "pip", "download", "--quiet", "--only-binary=:all:", "--dest", str(place), *tags]
-        + ["--python-version", python, "--implementation", "cp", *requirements(), f"numpy=={BLENDER_NUMPY[python]}"]
-    )
+    pip = [sys.executable, "-m", "pip", "download", "--quiet", "--only-binary=:all:", "--dest", str(place)]
+    target = [*tags, "--python-version", python, "--implementation", "cp"]
+    run([*pip, *target, *requirements(), f"numpy=={BLENDER_NUMPY[python]}"])
     return [wheel for wheel in place.glob("*.whl") if name_of(wheel.name.split("-")[0]) not in IN_BLENDER]
 
 
 def build(platform: str, wheels: list[Path], stage: Path, options: argparse.Namespace) -> Path:
     """Stage the code with its wheels and an adapted manifest, build the zip and validate it."""
-    skipped = shutil.ignore_patterns(".*", "__pycache__", "tests", "docs", "build", "dist", "demo", "*.egg-info", "*.zip")
+    skipped = shutil.ignore_patterns(
+        ".*", "__pycache__", "tests", "docs", "build", "dist", "demo", "*.egg-info", "*.zip"
+    )
     shutil.copytree(ROOT, stage, ignore=skipped)
     (stage / "wheels").mkdir()
     for wheel in wheels:

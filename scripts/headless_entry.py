@@ -1,4 +1,4 @@
-"""What every headless script does: find the package, pass on what follows ``--``, leave with the command's exit code."""
+"""What every headless script does: find the package, pass on what follows ``--``, leave with the exit code."""
 
 from __future__ import annotations
 
@@ -29,7 +29,10 @@ def run(command: str) -> None:
     except KeyboardInterrupt:
         code = 130
     except ImportError as error:
-        print(f"bim_verify cannot be loaded: {error}. Install the extension in Blender, or pip install it.", file=sys.stderr)
+        print(
+            f"bim_verify cannot be loaded: {error}. Install the extension in Blender, or pip install it.",
+            file=sys.stderr,
+        )
     except BaseException:
         sys.excepthook(*sys.exc_info())
     finally:

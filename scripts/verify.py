@@ -1,7 +1,7 @@
 """Verify an IFC model against scans inside Blender, without a window.
 
-    blender --background --python scripts/verify.py -- MODEL.ifc SCAN.e57 --out VERIFIED.ifc --blend SCENE.blend
-    python scripts/verify.py -- MODEL.ifc SCAN.e57 --out VERIFIED.ifc          (with the bpy module)
+blender --background --python scripts/verify.py -- MODEL.ifc SCAN.e57 --out VERIFIED.ifc --blend SCENE.blend
+python scripts/verify.py -- MODEL.ifc SCAN.e57 --out VERIFIED.ifc          (with the bpy module)
 """
 
 import sys

@@ -67,6 +67,8 @@ class BIMVERIFY_OT_import_ifc(Job["BuildingModel"], bpy.types.Operator):
         if bonsai.live_file() is None:
             scene.show_model(context.scene, value)
         storeys = len({element.storey for element in value.elements})
-        settings.model_summary = f"{len(value.elements)} elements in {storeys} storeys, {value.schema}"
+        settings.model_summary = (
+            f"{len(value.elements)} elements in {storeys} storey{'s' if storeys != 1 else ''}, {value.schema}"
+        )
         skipped = f" {len(value.skipped)} products have no usable body." if value.skipped else ""
         return f"{settings.model_summary}.{skipped}"

@@ -1,0 +1,1 @@
+"""Tests of the Blender face, with the ``bpy`` module."""

@@ -1,0 +1,148 @@
+"""The modal wrapper, driven by hand: the ``bpy`` module has no windows."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import pytest
+from bim_verify.bim_verify_addon.jobs import Job, duration
+from bim_verify.bim_verify_addon.session import SESSION
+from bim_verify.core.errors import BimVerifyError
+from bim_verify.core.progress import Progress
+
+
+class FakeOperator(Job[int]):
+    title = "Count"
+
+    def __init__(self, work: Callable[[Progress], int]) -> None:
+        self.work = work
+        self.finished: list[int] = []
+        self.finished_in: threading.Thread | None = None
+        self.reports: list[tuple[set[str], str]] = []
+
+    def prepare(self, context: object) -> Callable[[Progress], int]:
+        return self.work
+
+    def finish(self, context: object, value: int) -> str:
+        self.finished.append(value)
+        self.finished_in = threading.current_thread()
+        return f"counted to {value}"
+
+    def report(self, kind: set[str], text: str) -> None:
+        self.reports.append((kind, text))
+
+
+def fake_context() -> SimpleNamespace:
+    shown: list[str | None] = []
+    timers: list[object] = []
+    manager = SimpleNamespace(
+        windows=[],
+        event_timer_add=lambda step, window: timers.append(1) or "timer",
+        event_timer_remove=lambda timer: timers.pop(),
+        modal_handler_add=lambda operator: None,
+    )
+    return SimpleNamespace(
+        window="window",
+        window_manager=manager,
+        workspace=SimpleNamespace(status_text_set=shown.append),
+        shown=shown,
+        timers=timers,
+    )
+
+
+TIMER, ESC = SimpleNamespace(type="TIMER", value="NOTHING"), SimpleNamespace(type="ESC", value="PRESS")
+
+
+def drive(operator: FakeOperator, context: SimpleNamespace) -> set[str]:
+    until = time.monotonic() + 20
+    while time.monotonic() < until:
+        answer = operator.modal(context, TIMER)
+        if answer & {"FINISHED", "CANCELLED"}:
+            return answer
+        time.sleep(0.005)
+    raise AssertionError("the job did not end")
+
+
+def test_work_runs_in_a_thread_and_finishes_on_the_main_thread() -> None:
+    ran_in: list[threading.Thread] = []
+    release = threading.Event()
+
+    def work(progress: Progress) -> int:
+        ran_in.append(threading.current_thread())
+        progress.update(0.5, "half way")
+        release.wait(20)
+        return 7
+
+    operator, context = FakeOperator(work), fake_context()
+    assert operator.start(context) == {"RUNNING_MODAL"}
+    assert SESSION.job is not None
+    while SESSION.job.message != "half way":
+        time.sleep(0.005)
+    assert operator.modal(context, TIMER) == {"PASS_THROUGH"}
+    assert context.shown[-1] is not None
+    assert "half way   50 %" in context.shown[-1]
+    assert operator.finished == []
+    release.set()
+    assert drive(operator, context) == {"FINISHED"}
+    assert operator.finished == [7]
+    assert operator.finished_in is threading.main_thread()
+    assert ran_in[0] is not threading.main_thread()
+    assert (SESSION.job, context.timers, context.shown[-1]) == (None, [], None)
+    assert operator.reports == [({"INFO"}, "counted to 7")]
+
+
+def test_escape_stops_the_work() -> None:
+    def work(progress: Progress) -> int:
+        while True:
+            progress.update(0.1, "working")
+            time.sleep(0.002)
+
+    operator, context = FakeOperator(work), fake_context()
+    operator.start(context)
+    assert operator.modal(context, ESC) == {"RUNNING_MODAL"}
+    assert drive(operator, context) == {"CANCELLED"}
+    assert operator.finished == []
+    assert operator.reports == [({"WARNING"}, "Count was cancelled; nothing was changed.")]
+    assert (SESSION.job, context.timers) == (None, [])
+
+
+def test_an_error_in_the_thread_is_one_sentence() -> None:
+    def work(progress: Progress) -> int:
+        raise BimVerifyError("The file is cut off. Copy it again.")
+
+    operator, context = FakeOperator(work), fake_context()
+    operator.start(context)
+    assert drive(operator, context) == {"CANCELLED"}
+    assert operator.reports == [({"ERROR"}, "The file is cut off. Copy it again.")]
+
+
+def test_a_bug_in_the_thread_is_not_swallowed() -> None:
+    def work(progress: Progress) -> int:
+        raise ZeroDivisionError
+
+    operator, context = FakeOperator(work), fake_context()
+    operator.start(context)
+    with pytest.raises(ZeroDivisionError):
+        drive(operator, context)
+    assert (SESSION.job, context.timers) == (None, [])
+
+
+def test_blender_ending_the_operator_stops_the_thread() -> None:
+    def work(progress: Progress) -> int:
+        while True:
+            progress.check()
+            time.sleep(0.002)
+
+    operator, context = FakeOperator(work), fake_context()
+    operator.start(context)
+    operator.cancel(context)
+    assert not operator._thread.is_alive()
+    assert SESSION.job is None
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(4.4, "4 s"), (185, "3 min 05 s"), (4200, "1 h 10 min")])
+def test_duration_reads_well(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
