@@ -9,8 +9,9 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-import bim_verify  # noqa: E402
 import numpy as np  # noqa: E402
+
+import bim_verify  # noqa: E402
 from bim_verify.bim_verify_addon.session import SESSION  # noqa: E402
 from bim_verify.core import jobs  # noqa: E402
 from bim_verify.core.model.elements import BuildingModel  # noqa: E402

@@ -9,6 +9,7 @@ import bpy
 import ifcopenshell.util.geolocation
 import numpy as np
 import pytest
+
 from bim_verify.bim_verify_addon import frame, project, scene
 from bim_verify.core.model.elements import BuildingModel
 from bim_verify.core.results import VerificationResult

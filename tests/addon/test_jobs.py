@@ -8,6 +8,7 @@ from collections.abc import Callable
 from types import SimpleNamespace
 
 import pytest
+
 from bim_verify.bim_verify_addon.jobs import Job, duration
 from bim_verify.bim_verify_addon.session import SESSION
 from bim_verify.core.errors import BimVerifyError

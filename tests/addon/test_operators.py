@@ -10,6 +10,7 @@ import ifcopenshell
 import ifcopenshell.util.element
 import numpy as np
 import pytest
+
 from bim_verify.bim_verify_addon import scene
 from bim_verify.core.errors import BimVerifyError, Cancelled
 from bim_verify.core.model.elements import BuildingModel

@@ -6,9 +6,10 @@ import os
 import subprocess
 import sys
 
-import bim_verify
 import bpy
 import pytest
+
+import bim_verify
 from bim_verify.bim_verify_addon import operators, panels
 
 

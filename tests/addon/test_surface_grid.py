@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+
 from bim_verify.bim_verify_addon.surface_grid import SurfaceGrid, build_grid, edge_lengths, interpolate, make_display
 from bim_verify.core.model.elements import BuildingModel
 from bim_verify.core.model.sample_surface import sample_surface
 from bim_verify.core.results import SampleEvidence, VerificationResult
-from numpy.typing import NDArray
 
 
 def evidence(deviation: NDArray[np.float64], occupied: NDArray[np.float64]) -> SampleEvidence:

@@ -142,5 +142,5 @@ def test_scans_far_off_are_refused(planned: Planned) -> None:
 
 def test_a_wrong_place_in_the_building_is_refused(planned: Planned) -> None:
     wrong = TransformedSource(seen(four_rooms()), se3.translation(np.array([3.0, 2.0, 0.0])))
-    with pytest.raises(BimVerifyError, match="contradict the model|Too few returns"):
+    with pytest.raises(BimVerifyError, match=r"contradict the model|Too few returns"):
         align_fine(*planned, wrong, sigma=SIGMA, loa=30)
