@@ -61,17 +61,11 @@ def assess_place(
     state = seen.state(context.window)
     at = (state == AT) & seen.on_face
     beyond = (state == BEYOND) & seen.on_face
-    fit = fit_shift(
-        seen.rows(at), samples.normal[local[at]], samples.position[local[at]], context.sigma, 0.2 * context.sigma
-    )
-    moved = Shift(
-        fit.vector + fit.determined.T @ (fit.determined @ shift) if len(fit.determined) else shift.copy(),
-        fit.covariance, fit.registration, fit.determined, fit.residual_sigma,
-    )
+    fit = fit_shift(seen.rows(at), context.sigma).plus(shift)
     return Place(
         shift, float(area[at].sum()), float(area[beyond].sum()),
         float(area[(state == FRONT) & seen.on_face].sum()), int((at | beyond).sum()),
-        tuple(np.unique(seen.station[at | beyond]).tolist()), moved,
+        tuple(np.unique(seen.station[at | beyond]).tolist()), fit,
     )
 
 

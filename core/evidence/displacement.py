@@ -10,110 +10,139 @@ from scipy.stats import t as student
 
 from .sightings import Sightings
 
+Array = NDArray[np.float64]
+
 BLOCK_M = 0.25
 """Size of the blocks over which unevenness is taken as one common error (correlation length of plaster and formwork)."""
-LEAST_SHARE = 0.03
+LEAST_SHARE = 0.05
 """A direction is determined when at least this share of the evidence lies on faces across it."""
-LEAST_BLOCKS = 2.0
+LEAST_ACROSS = 3.0
+"""... and at least this many blocks' worth of it, so that their agreement shows how far they can be trusted."""
 TUKEY = 4.685
-ITERATIONS = 30
+ITERATIONS = 40
 
 
 @dataclass(frozen=True)
 class Shift:
     """Shift in the directions that the scan determines; zero in the others. Metres."""
 
-    vector: NDArray[np.float64]
+    vector: Array
     """(3,)"""
-    covariance: NDArray[np.float64]
-    """(3, 3) measurement and unevenness only; zero in directions that are not determined."""
-    registration: NDArray[np.float64]
+    covariance: Array
+    """(3, 3) of measurement and unevenness; zero in directions that are not determined."""
+    registration: Array
     """(3, 3) per unit variance of a station's position: multiply by sigma_registration^2."""
-    determined: NDArray[np.float64]
+    determined: Array
     """(K, 3) orthonormal rows, K = 0 ... 3."""
     residual_sigma: float
     """Spread of the block means about the shift: unevenness and local deviation."""
 
+    def plus(self, start: Array) -> Shift:
+        """The same found from ``start`` (3,): the shift as a whole, still only in the determined directions."""
+        along = self.determined.T @ (self.determined @ start) if len(self.determined) else start
+        return Shift(self.vector + along, self.covariance, self.registration, self.determined, self.residual_sigma)
 
-def fit_shift(
-    sightings: Sightings, normal: NDArray[np.float64], query: NDArray[np.float64], sigma: float, smallest_scale: float
-) -> Shift:
-    """Robust least squares of n.t = d over block means.
 
-    ``sightings`` (M) on the element's surface, with the outward normals (M, 3) and positions (M, 3) of their queries.
-    Returns that fall into the same block of the same face, seen from the same station, share one unknown error, so the
-    covariance counts blocks and not returns; its scale comes from the residuals, no smaller than the sensor allows.
+NOTHING = Shift(np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((0, 3)), 0.0)
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Means of the returns that fall into one block of one face, seen from one station."""
+
+    residual: Array
+    """(B,) metres."""
+    normal: Array
+    """(B, 3)"""
+    station: NDArray[np.int64]
+    variance: Array
+    """(B,) of the mean, from the returns' own scatter, m2."""
+    count: Array
+    """(B,) returns."""
+
+
+def fit_shift(sightings: Sightings, sigma: float) -> Shift:
+    """Robust least squares of n.t = residual over block means, from sightings of the element's own surface.
+
+    Each return counts once, with its exact distance from the face that its ray meets. Returns in the same block of the
+    same face, seen from the same station, share one unknown error (unevenness), so the covariance counts blocks and not
+    returns; its scale comes from the scatter of the returns and of the blocks, not from what the sensor should do.
     """
-    nothing = Shift(np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((0, 3)), 0.0)
     if len(sightings) == 0:
-        return nothing
-    d, n, station, variance, size = _blocks(sightings, normal, query, sigma)
-    weight = size / size.max()
-    eigenvalue, axes = np.linalg.eigh((n * weight[:, None]).T @ n / weight.sum())
-    across = (np.abs(n @ axes) ** 2 * weight[:, None]).sum(axis=0)
-    known = (eigenvalue >= LEAST_SHARE) & (across * len(d) / weight.sum() >= min(LEAST_BLOCKS, len(d)) * LEAST_SHARE)
-    basis = axes[:, known].T
+        return NOTHING
+    blocks = block_means(sightings, sigma)
+    n, d, size = blocks.normal, blocks.residual, np.minimum(blocks.count, 25.0)
+    share = (n * (size / size.sum())[:, None]).T @ n
+    eigenvalue, axes = np.linalg.eigh(share)
+    across = ((n @ axes) ** 2).sum(axis=0)
+    basis = axes[:, (eigenvalue >= LEAST_SHARE) & (across >= LEAST_ACROSS)].T
     if not len(basis):
-        return nothing
+        return NOTHING
     a = n @ basis.T
 
     shift = np.zeros(len(basis))
-    unevenness2 = 0.0
     robust = np.ones(len(d))
+    uneven2 = 0.0
     for _ in range(ITERATIONS):
-        w = robust / (variance + unevenness2) * np.minimum(weight * 4.0, 1.0)
-        normal_matrix = (a * w[:, None]).T @ a
-        updated = np.linalg.solve(normal_matrix + 1e-9 * np.trace(normal_matrix) * np.eye(len(basis)), (a * w[:, None]).T @ d)
+        weight = robust / (blocks.variance + uneven2)
+        updated = _solve(a, weight, d)
         residual = d - a @ updated
-        scale2 = max((1.4826 * _weighted_median(np.abs(residual), weight)) ** 2, smallest_scale**2)
-        unevenness2 = max(scale2 - float(np.median(variance)), 0.0)
-        u = residual / (TUKEY * np.sqrt(variance + unevenness2 + smallest_scale**2))
+        uneven2 = _between(residual, blocks.variance)
+        u = residual / (TUKEY * np.sqrt(blocks.variance + uneven2))
         robust = np.where(np.abs(u) < 1, (1 - u**2) ** 2, 0.0)
-        if robust.sum() < 1e-9:
-            robust = np.ones(len(d))
-        done = np.abs(updated - shift).max() < 1e-7
-        shift = updated
-        if done:
+        step, shift = float(np.abs(updated - shift).max()), updated
+        if step < 1e-7:
             break
-    w = robust / (variance + unevenness2) * np.minimum(weight * 4.0, 1.0)
-    normal_matrix = (a * w[:, None]).T @ a + 1e-12 * np.eye(len(basis))
-    gain = np.linalg.solve(normal_matrix, (a * w[:, None]).T)
+    weight = robust / (blocks.variance + uneven2)
+    gain = np.linalg.solve(_normal_matrix(a, weight), (a * weight[:, None]).T)
     residual = d - a @ shift
-    freedom = max(robust.sum() - len(basis), 1.0)
-    spread2 = np.maximum(variance + unevenness2, residual**2 * (robust > 0))
-    widening = (student.ppf(0.975, freedom) / 1.96) ** 2 if freedom < 60 else 1.0
-    covariance = widening * (gain * spread2) @ gain.T
-    registration = np.zeros((3, 3))
-    for s in np.unique(station):
-        of = station == s
-        lever = basis.T @ (gain[:, of] @ n[of])
+    freedom = max(float(robust.sum()) - len(basis), 1.0)
+    expected = blocks.variance + uneven2
+    scatter = float((robust * residual**2 / expected).sum()) / freedom
+    widening = max(scatter, 1.0) * (float(student.ppf(0.975, freedom)) / 1.96) ** 2
+    covariance = widening * (gain * expected) @ gain.T
+    registration = np.zeros((len(basis), len(basis)))
+    for station in np.unique(blocks.station):
+        of = blocks.station == station
+        lever = gain[:, of] @ n[of]
         registration += lever @ lever.T
     return Shift(
-        basis.T @ shift, basis.T @ covariance @ basis, registration, basis, float(np.sqrt(scale2))
+        basis.T @ shift, basis.T @ covariance @ basis, basis.T @ registration @ basis, basis, float(np.sqrt(uneven2))
     )
 
 
-def _blocks(
-    sightings: Sightings, normal: NDArray[np.float64], query: NDArray[np.float64], sigma: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Per block: mean deviation, mean normal, station, variance of the mean, number of sightings."""
-    cell = np.floor(query / BLOCK_M).astype(np.int64)
-    face = np.round(normal * 3).astype(np.int64)
-    key = np.column_stack([cell, face, sightings.station.astype(np.int64)])
-    _, block, size = np.unique(key, axis=0, return_inverse=True, return_counts=True)
+def block_means(sightings: Sightings, sigma: float) -> Blocks:
+    """Blocks of ``BLOCK_M`` per face direction and station; a return seen from several queries counts once."""
+    point = sightings.point.astype(np.float64)
+    normal = sightings.face_normal.astype(np.float64)
+    station = sightings.station.astype(np.int64)
+    once = np.unique(np.column_stack([sightings.point.view(np.int32), station]), axis=0, return_index=True)[1]
+    point, normal, station, residual = point[once], normal[once], station[once], sightings.residual[once]
+    key = np.column_stack([np.floor(point / BLOCK_M).astype(np.int64), np.round(normal * 3).astype(np.int64), station])
+    _, block, count = np.unique(key, axis=0, return_inverse=True, return_counts=True)
     block = block.ravel()
-    mean = np.bincount(block, sightings.deviation) / size
-    direction = np.column_stack([np.bincount(block, normal[:, k]) for k in range(3)]) / size[:, None]
+    mean = np.bincount(block, residual) / count
+    direction = np.column_stack([np.bincount(block, normal[:, k]) for k in range(3)])
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    noise = sigma**2 * np.maximum(sightings.cosine.astype(np.float64), 0.2) ** 2 / np.maximum(sightings.count, 1)
-    # neighbouring queries share returns: the block's own returns bound its information, not its queries
-    variance = np.bincount(block, noise) / size
-    station = np.zeros(len(size), dtype=np.int64)
-    station[block] = sightings.station
-    return mean, direction, station, variance, size.astype(np.float64)
+    apart = residual - mean[block]
+    freedom = max(len(residual) - len(count), 0)
+    pooled2 = (sigma**2 * 4 + float((apart**2).sum())) / (4 + freedom)
+    of_station = np.zeros(len(count), dtype=np.int64)
+    of_station[block] = station
+    return Blocks(mean, direction, of_station, pooled2 / count, count.astype(np.float64))
 
 
-def _weighted_median(values: NDArray[np.float64], weight: NDArray[np.float64]) -> float:
-    order = np.argsort(values)
-    cumulative = np.cumsum(weight[order])
-    return float(values[order][np.searchsorted(cumulative, 0.5 * cumulative[-1])])
+def _normal_matrix(a: Array, weight: Array) -> Array:
+    matrix: Array = (a * weight[:, None]).T @ a
+    return matrix + 1e-9 * np.trace(matrix) * np.eye(a.shape[1])
+
+
+def _solve(a: Array, weight: Array, d: Array) -> Array:
+    solution: Array = np.linalg.solve(_normal_matrix(a, weight), (a * weight[:, None]).T @ d)
+    return solution
+
+
+def _between(residual: Array, variance: Array) -> float:
+    """Variance between blocks beyond what the returns' scatter explains, by the median of the squares."""
+    spread = 2.198 * float(np.median(residual**2))
+    return max(spread - float(np.median(variance)), 0.0)

@@ -42,6 +42,10 @@ class Sightings:
     """(M, 3) sums of log(m_occ + m_unk), log(m_emp + m_unk), log(m_unk) over the station's returns."""
     on_face: NDArray[np.bool_]
     """(M,) the ray meets the query's own element where it is planned, not the air beside its edge."""
+    face_normal: NDArray[np.float32]
+    """(M, 3) outward normal of the face that the ray meets; the query's own beside the element."""
+    residual: NDArray[np.float64]
+    """(M,) of the nearest return alone, from the face that its ray meets: exact on curved surfaces too."""
     explained: NDArray[np.bool_]
     """(M,) another planned surface lies closer to the return than the query's own."""
 
@@ -99,7 +103,10 @@ def sight(
     crossing = np.where(
         (np.abs(level) > ON_FACE_M)[:, None], position + ray * to_plane[:, None], point - level[:, None] * n
     )
-    on_face = surfaces.contains(crossing - shift[row], n, element[row], triangle[row], ON_FACE_M)
+    face = surfaces.face_at(crossing - shift[row], n, element[row], triangle[row], ON_FACE_M)
+    on_face = face >= 0
+    n_face = surfaces.normal[face]
+    residual = np.einsum("ij,ij->i", point - shift[row] - surfaces.corner[face, 0], n_face)
 
     return Sightings(
         sample=sample[row].astype(np.int32),
@@ -111,6 +118,8 @@ def sight(
         point=point.astype(np.float32),
         log_masses=np.column_stack([evidence.log_occ[row], evidence.log_emp[row], evidence.log_unk[row]]),
         on_face=on_face,
+        face_normal=np.where(on_face[:, None], n_face, n).astype(np.float32),
+        residual=np.where(on_face, residual, level),
         explained=np.zeros(len(row), dtype=np.bool_),
         glass=np.zeros(len(row), dtype=np.bool_),
     )
@@ -131,7 +140,7 @@ def explain(
     query's own surface, and not farther than ``within`` metres. ``but_not`` (M,) names an element that does not count.
     """
     explained = np.zeros(len(seen), dtype=np.bool_)
-    doubtful = np.flatnonzero((np.abs(seen.deviation) > 3.0 * sigma) & ~seen.explained)
+    doubtful = np.flatnonzero((np.abs(seen.deviation) > sigma) & ~seen.explained)
     if not len(doubtful):
         return explained
     point = seen.point[doubtful].astype(np.float64)

@@ -1,4 +1,4 @@
-"""Does a point lie on the surface of one given element, whatever else lies there too?"""
+"""On which face of one given element does a point lie, whatever else lies there too?"""
 
 from __future__ import annotations
 
@@ -36,20 +36,20 @@ def _on_element(
     point: NDArray[np.float64], normal: NDArray[np.float64], element: NDArray[np.int32], triangle: NDArray[np.int32],
     corner: NDArray[np.float64], facing: NDArray[np.float64], center: NDArray[np.float64], radius: NDArray[np.float64],
     start: NDArray[np.int64], depth: float,
-) -> NDArray[np.bool_]:
-    out = np.zeros(len(point), np.bool_)
+) -> NDArray[np.int32]:
+    out = np.full(len(point), -1, np.int32)
     for i in prange(len(point)):
         x, y, z = point[i]
         nx, ny, nz = normal[i]
         if _on_triangle(x, y, z, nx, ny, nz, corner[triangle[i]], facing[triangle[i]], depth):
-            out[i] = True
+            out[i] = triangle[i]
             continue
         for t in range(start[element[i]], start[element[i] + 1]):
             dx, dy, dz = x - center[t, 0], y - center[t, 1], z - center[t, 2]
             if dx * dx + dy * dy + dz * dz <= radius[t] and _on_triangle(
                 x, y, z, nx, ny, nz, corner[t], facing[t], depth
             ):
-                out[i] = True
+                out[i] = t
                 break
     return out
 
@@ -58,25 +58,26 @@ class ElementSurfaces:
     """The triangles of a model, asked element by element."""
 
     def __init__(self, model: BuildingModel) -> None:
-        self._corner = model.vertices[model.triangles]
-        normal = np.cross(self._corner[:, 1] - self._corner[:, 0], self._corner[:, 2] - self._corner[:, 0])
-        self._normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-        self._center = self._corner.mean(axis=1)
-        self._reach = np.linalg.norm(self._corner - self._center[:, None, :], axis=2).max(axis=1)
+        self.corner = model.vertices[model.triangles]
+        normal = np.cross(self.corner[:, 1] - self.corner[:, 0], self.corner[:, 2] - self.corner[:, 0])
+        self.normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+        self._center = self.corner.mean(axis=1)
+        self._reach = np.linalg.norm(self.corner - self._center[:, None, :], axis=2).max(axis=1)
         self._start = model.triangle_start.astype(np.int64)
 
-    def contains(
+    def face_at(
         self,
         point: NDArray[np.float64],
         normal: NDArray[np.float64],
         element: NDArray[np.int32],
         triangle: NDArray[np.int32],
         depth: float,
-    ) -> NDArray[np.bool_]:
-        """(N,) whether point (N, 3) lies within ``depth`` metres of a face of its ``element`` (N,) whose outward normal
-        is less than 60 degrees from ``normal`` (N, 3). ``triangle`` (N,) is the one to try first.
+    ) -> NDArray[np.int32]:
+        """(N,) the triangle of ``element`` (N,) that point (N, 3) lies on, within ``depth`` metres; -1 where there is none.
+
+        Only faces less than 60 degrees from ``normal`` (N, 3) count; ``triangle`` (N,) is tried first.
         """
         return _on_element(
-            np.ascontiguousarray(point), np.ascontiguousarray(normal), element, triangle, self._corner, self._normal,
+            np.ascontiguousarray(point), np.ascontiguousarray(normal), element, triangle, self.corner, self.normal,
             self._center, (self._reach + depth) ** 2, self._start, depth,
         )
