@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,7 +34,7 @@ def estimate_registration_sigma(seen: Sightings, samples: SurfaceSamples, sigma:
     square, freedom = [], []
     element = samples.element[own.sample]
     edge = np.flatnonzero(np.diff(element, prepend=-1, append=-1))
-    for begin, end in zip(edge[:-1], edge[1:], strict=True):
+    for begin, end in pairwise(edge):
         for s2, f in _faces(own.rows(np.arange(begin, end)), sigma):
             square.append(s2)
             freedom.append(f)

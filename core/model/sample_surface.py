@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from .elements import BuildingModel
 from .raycast import RayScene
 from .samples import SurfaceSamples
+from .shared_faces import drop_shared
 
 FEWEST = 400
 """Query positions on an element of any size: shares are then resolved to a quarter of a percent."""
@@ -58,7 +59,7 @@ def sample_surface(
         area=(element_area / np.maximum(count, 1))[element],
         element=element,
         triangle=triangle.astype(np.int32),
-        exposed=_exposed(model, scene, position, normal, element),
+        exposed=drop_shared(model, scene, position, normal, element, _exposed(model, scene, position, normal, element)),
     )
 
 

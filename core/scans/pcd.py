@@ -173,10 +173,8 @@ def _unpack_lzf(packed, plain):  # type: ignore[no-untyped-def]
 
 def _unpack_color(values: NDArray) -> NDArray[np.uint8]:
     """(N, 3) from 0x00RRGGBB, kept as an integer or in the bits of a float (as a float's decimal text in ASCII)."""
-    if values.dtype.kind == "f":
-        bits = np.ascontiguousarray(values, np.float32).view(np.uint32)
-    else:
-        bits = values.astype(np.uint32)
+    floats = values.dtype.kind == "f"
+    bits = np.ascontiguousarray(values, np.float32).view(np.uint32) if floats else values.astype(np.uint32)
     return np.column_stack([(bits >> shift & 255).astype(np.uint8) for shift in (16, 8, 0)])
 
 
