@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
-
 from bim_verify.core.alignment.planned_surface import Matches
 from bim_verify.core.alignment.refine import Fit, adjust
 from bim_verify.core.alignment.robust_fit import jacobian
 from bim_verify.core.alignment.uncertainty import assess
 from bim_verify.core.errors import BimVerifyError
+from scipy.stats import chi2
 
 ELEMENTS = 48
 PER_FACE = 40
@@ -19,7 +18,7 @@ EXTENT = 4.0
 
 
 def campaign(seed: int, deviation: float, moved: int) -> tuple[np.ndarray, np.ndarray, Matches, np.ndarray]:
-    """Returns on both faces of random plates, off their place as plates: position, Jacobian, matches, element of face."""
+    """Returns on both faces of random plates, each off its place: position, Jacobian, matches, element of a face."""
     rng = np.random.default_rng(seed)
     axis = np.arange(ELEMENTS) % 3
     middle = rng.uniform(-5, 5, (ELEMENTS, 3)) * (1.0, 0.8, 0.3)
@@ -39,16 +38,16 @@ def campaign(seed: int, deviation: float, moved: int) -> tuple[np.ndarray, np.nd
 
 @pytest.mark.parametrize("deviation", [0.001, 0.004])
 def test_squared_errors_follow_chi_square(deviation: float) -> None:
-    """Over 100 campaigns the truth is a zero motion. With the exact covariance the squared error has the mean 6, with 3.5
-    and 9 fourteen and six of its own sigmas away, and 95 % lie below the 95 % point, give or take 2.2 %; the covariance
-    itself is estimated from 48 elements and meant to err to the large side."""
+    """Over 60 campaigns the truth is a zero motion. With the exact covariance the squared error has the mean 6 +- 0.45,
+    and 95 % +- 2.8 % lie below the 95 % point. The stated covariance is the larger of two estimates and errs to the
+    large side: 3.6 to 4.1 here and 5.4 in rooms (docs/alignment.md), so 3 is too timid and 7 overconfident."""
     squares = []
-    for seed in range(100):
+    for seed in range(60):
         position, rows, matches, element = campaign(seed, deviation, moved=7)
         motion, matches, weights = adjust(rows, matches, len(element), EXTENT, SIGMA)
         fit = Fit(np.eye(4), np.zeros(3), EXTENT, position, matches, weights, len(rows))
         squares.append(motion @ np.linalg.solve(assess(fit, element, ELEMENTS).covariance, motion))
-    assert 3.5 < np.mean(squares) < 7.0
+    assert 3.0 < np.mean(squares) < 7.0
     assert np.mean(np.array(squares) < chi2.ppf(0.95, 6)) >= 0.92
 
 
@@ -66,7 +65,8 @@ def test_a_direction_that_hangs_on_one_element_is_said_so() -> None:
     keep = ~vertical | (element[matches.patch] == 2)
     kept = Matches(matches.row[keep], matches.residual[keep], matches.normal[keep], matches.patch[keep])
     _, kept, weights = adjust(rows[keep], kept, len(element), EXTENT, SIGMA)
-    found = assess(Fit(np.eye(4), np.zeros(3), EXTENT, position[keep], kept, weights, int(keep.sum())), element, ELEMENTS)
+    fit = Fit(np.eye(4), np.zeros(3), EXTENT, position[keep], kept, weights, int(keep.sum()))
+    found = assess(fit, element, ELEMENTS)
     assert "hangs on one element alone" in found.weakest
     assert "(0.0" in found.weakest or "(1.0" in found.weakest
 
