@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from bim_verify.core.alignment import transform as se3
 from bim_verify.core.alignment.fine import align_fine
 from bim_verify.core.alignment.transform import TransformedSource

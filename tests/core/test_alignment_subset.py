@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+
 from bim_verify.core.alignment.subset import choose_returns
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.scans.campaign import ReturnBlock, Station

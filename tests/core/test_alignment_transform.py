@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from bim_verify.core.alignment import transform as se3
 from bim_verify.core.alignment.transform import TransformedSource
 from bim_verify.core.errors import BimVerifyError

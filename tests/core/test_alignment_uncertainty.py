@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
+
 from bim_verify.core.alignment.planned_surface import Matches
 from bim_verify.core.alignment.refine import Fit, adjust
 from bim_verify.core.alignment.robust_fit import jacobian
 from bim_verify.core.alignment.uncertainty import assess
 from bim_verify.core.errors import BimVerifyError
-from scipy.stats import chi2
 
 ELEMENTS = 48
 PER_FACE = 40
