@@ -58,6 +58,8 @@ class Fit:
     position: NDArray[np.float64]
     """(M, 3) matched returns, local frame."""
     matches: Matches
+    station: NDArray[np.int32]
+    """(M,) station of each match."""
     weights: FineWeights
     asked: int
     """Returns that were offered for matching."""
@@ -132,7 +134,8 @@ def _settle(
         pose = se3.exp_about(total, center) @ pose
         if _reach(total, extent) < 10 * STILL_M:
             break
-    return Fit(pose, center, extent, position, matches, weights, len(chosen))
+    station = returns.station[chosen[matches.row]]
+    return Fit(pose, center, extent, position, matches, station, weights, len(chosen))
 
 
 def adjust(
