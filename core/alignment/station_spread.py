@@ -32,8 +32,8 @@ def station_spread(fit: Fit) -> float:
     rows, value, weight = _differences(fit, station, len(stations))
     if not len(value):
         return UNKNOWN_M
-    shift = np.zeros(rows.shape[1])
-    robust = weight
+    shift, axes = np.zeros(rows.shape[1]), np.eye(rows.shape[1])
+    robust, sigma = weight, 0.0
     for _ in range(ROUNDS):
         normal = rows.T @ (robust[:, None] * rows)
         scale, axes = np.linalg.eigh(normal)
@@ -45,7 +45,7 @@ def station_spread(fit: Fit) -> float:
         robust = weight * tukey(left / sigma)
     count = axes.shape[1]
     explained = sigma**2 * float(np.square(axes).sum()) * float(weight.mean())
-    return float(np.sqrt(max((shift @ shift - explained) / count, 0.0)))
+    return float(np.sqrt(max(float(shift @ shift) - explained, 0.0) / count))
 
 
 def _differences(fit: Fit, station: NDArray[np.int64], stations: int) -> tuple[Array, Array, Array]:

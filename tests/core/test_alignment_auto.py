@@ -28,7 +28,7 @@ CENTER = np.array([6.0, 4.5, 1.3])
 @pytest.fixture(scope="module")
 def campaign() -> ArraySource:
     built, _ = build_inaccurately(four_rooms(), moved_share=0.15, largest_move=0.12, deviation=0.0, seed=4)
-    return scan(building_model(built), four_room_stations(), step_deg=2.0)
+    return scan(building_model(built), four_room_stations(), step_deg=2.5)
 
 
 def test_heading_and_place_are_found(campaign: ArraySource) -> None:
@@ -46,7 +46,7 @@ def test_heading_and_place_are_found(campaign: ArraySource) -> None:
 
 def test_a_symmetric_building_is_ambiguous() -> None:
     model = building_model(corridor(ends=True))
-    source = scan(model, np.array([[5.0, 1.0, 1.5], [20.0, 1.2, 1.4]]), step_deg=2.0)
+    source = scan(model, np.array([[5.0, 1.0, 1.5], [20.0, 1.2, 1.4]]), step_deg=2.5)
     with pytest.raises(BimVerifyError, match="Two poses fit about equally well"):
         align_auto(model, sample_surface(model, 0.15), source, sigma=0.002, loa=30)
 

@@ -28,7 +28,7 @@ from bim_verify.core.simulation.box_building import (
 )
 
 SIGMA = 0.002
-STEP_DEG = 2.0
+STEP_DEG = 2.5
 CENTER = np.array([6.0, 4.5, 1.3])
 COARSE = se3.exp_about(np.concatenate([np.radians(3.0) * np.array([0.6, 0.0, -0.8]), [0.3, -0.3, 0.26]]), CENTER)
 

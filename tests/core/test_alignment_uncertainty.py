@@ -88,20 +88,20 @@ def test_no_information_along_an_axis_is_refused() -> None:
 
 @pytest.mark.parametrize("spread", [0.0, 0.002])
 def test_the_registration_of_the_stations_to_each_other_is_measured(spread: float) -> None:
-    """Eight stations, three axes each: the estimate of 24 normal shifts is within 15 % (one sigma) of the truth."""
+    """Five stations, faces with eight returns of each: the shifts are measured to 0.1 mm, and some noise is left in."""
     position, rows, matches, element = campaign(0, 0.002, moved=5)
     rng = np.random.default_rng(5)
-    station = rng.integers(0, 8, len(position)).astype(np.int32)
-    off = rng.normal(0.0, spread, (8, 3))
+    station = rng.integers(0, 5, len(position)).astype(np.int32)
+    off = rng.normal(0.0, spread, (5, 3))
     shifted = matches.residual + np.einsum("ij,ij->i", off[station], matches.normal)
     matches = Matches(matches.row, shifted, matches.normal, matches.patch)
     _, matches, weights = adjust(rows, matches, len(element), EXTENT, SIGMA)
     found = station_spread(a_fit(position, matches, weights, station))
-    truth = np.sqrt(np.mean(np.square(off - off.mean(axis=0))))
-    assert abs(found - truth) < 0.0005
+    truth = np.sqrt(np.square(off - off.mean(axis=0)).sum() / (3 * 4))
+    assert abs(found - truth) < 0.0003
     alone = assess(a_fit(position, matches, weights), element, ELEMENTS).covariance
     together = assess(a_fit(position, matches, weights, station), element, ELEMENTS).covariance
-    assert np.trace((together - alone)[3:, 3:]) >= 0.5 * 3 * found**2 / 8
+    assert np.trace((together - alone)[3:, 3:]) >= 0.5 * 3 * found**2 / 5
 
 
 def test_stations_without_a_common_face_count_with_the_usual_registration_error() -> None:
