@@ -43,7 +43,8 @@ def ray_agreement(
 ) -> RayAgreement:
     """Cast the chosen returns' rays against the plan for each of ``poses`` (K, 4, 4), scan frame to local frame.
 
-    ``tolerance`` [m] along the ray. Only returns of stations with a known position should be chosen.
+    ``tolerance`` [m] along the ray. A ray that
+    passes through glass contradicts nothing. Only returns of stations with a known position should be chosen.
     """
     count = len(poses)
     agree, through, near = np.zeros(count), np.zeros(count), np.zeros(count)
@@ -62,5 +63,6 @@ def ray_agreement(
         gap = np.where(hit, distance, np.inf) - length
         near[k] = hit.mean()
         agree[k] = (hit & front & steep & (np.abs(gap) < tolerance)).mean()
+        steep &= ~model.transparent[triangle] | (np.abs(gap) < tolerance)
         through[k] = (hit & steep & np.where(front, gap < -tolerance, closed & (gap < tolerance))).mean()
     return RayAgreement(agree, through, near)

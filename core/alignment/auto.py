@@ -23,7 +23,7 @@ from .voting import level, vote
 VOTERS = 40_000
 FIRST_RAYS, FIRST_TOLERANCE_M = 1_500, 0.3
 """Rays that rank the votes, and how far off they may end, metres: a raster cell, and a degree of heading at 10 m."""
-FOLLOWED = 16
+FOLLOWED = 12
 """Votes that are fitted before the second ranking."""
 FIT_RETURNS = 4_000
 FIT_SCALES_M = (0.3, 0.3, 0.2, 0.2, 0.14, 0.1, 0.07, 0.05)

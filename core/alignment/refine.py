@@ -18,6 +18,8 @@ from .subset import ReturnSubset
 COARSE_SCALES_M = (0.6, 0.6, 0.6, 0.4, 0.4, 0.4, 0.28, 0.28, 0.2, 0.2, 0.14, 0.14, 0.1, 0.1, 0.07, 0.07, 0.05, 0.05)
 """Scales of the graduated kernel, metres: the first is about how far 0.5 m and 3 degrees move a wall at 5 m, the
 last is well above noise and tolerance, so that the fine stage starts where its medians mean something."""
+ALL_RETURNS_SCALE_M = 0.14
+"""Scale from which all coarse returns are used, metres; wider ones take fewer: a wide search is slow, and rough."""
 GATE_SCALES = 2.0
 """Matches further away than this many scales are left out: their kernel weight is below 4 %."""
 COARSE_RETURNS = 8_000
@@ -56,6 +58,8 @@ class Fit:
     position: NDArray[np.float64]
     """(M, 3) matched returns, local frame."""
     matches: Matches
+    station: NDArray[np.int32]
+    """(M,) station of each match."""
     weights: FineWeights
     asked: int
     """Returns that were offered for matching."""
@@ -130,7 +134,8 @@ def _settle(
         pose = se3.exp_about(total, center) @ pose
         if _reach(total, extent) < 10 * STILL_M:
             break
-    return Fit(pose, center, extent, position, matches, weights, len(chosen))
+    station = returns.station[chosen[matches.row]]
+    return Fit(pose, center, extent, position, matches, station, weights, len(chosen))
 
 
 def adjust(
@@ -175,7 +180,8 @@ def coarse_pose(
     pose = start
     for step, scale in enumerate(scales):
         progress.update(step / len(scales), "Coarse alignment")
-        position, matches = _match(surface, returns, chosen, pose, GATE_SCALES * scale)
+        part = chosen[: max(int(len(chosen) * min(1.0, ALL_RETURNS_SCALE_M / scale)), FEWEST_MATCHES)]
+        position, matches = _match(surface, returns, part, pose, GATE_SCALES * scale)
         if len(matches.row) < 6:
             continue
         weight = coarse_weights(matches, len(surface.patch_element), scale)

@@ -18,6 +18,9 @@ LEAST_WITHIN = 0.3
 """Least spread within faces in units of the noise: on average over incidence a normal distance has half of it."""
 LEAST_BETWEEN = 0.1
 """Least spread between faces in units of the noise: no building is to plan, and no model's chords are, to 0.2 mm."""
+FINE_HALF_SUPPORT = 100
+"""Matches at which a face counts half in the fine stage: on a trim or a sill of fewer most beams touch an edge, and mixed
+pixels bias it as a whole (0.5 mm on the height of a house whose slabs all fit, before this was counted)."""
 FEWEST_IN_PATCH = 8
 """Matches below which a face says nothing: the median of fewer is at the mercy of one mixed pixel."""
 
@@ -55,7 +58,8 @@ def fine_weights(
 
     A face deviates as a whole (as-built against planned) with a spread between faces, and its returns scatter about
     that. Both spreads are medians of absolute deviations; ``sigma`` is the noise of one return, ``largest`` the widest
-    spread between faces that is believed. A face weighs Tukey(median) / (within^2 / n + between^2), shared by its
+    spread between faces that is believed. A face weighs s Tukey(median) / (within^2 / n + between^2), with s growing
+    from 0 to 1 with its size (small faces are mostly edge), shared by its
     returns and cut by Tukey about the face's own median.
     """
     median, count = group_medians(matches.residual, matches.patch, patches)
@@ -72,7 +76,8 @@ def fine_weights(
     between = float(np.clip(between, LEAST_BETWEEN * sigma, largest))
     spread = np.sqrt(between**2 + of_median)
     face = np.where(used, tukey(median / spread), 0.0)
-    per_return = face / (within**2 + np.maximum(count, 1) * between**2)
+    size = count / (count + FINE_HALF_SUPPORT)
+    per_return = face * size / (within**2 + np.maximum(count, 1) * between**2)
     return FineWeights(per_return[matches.patch] * tukey(inner / within), face, between, within)
 
 

@@ -39,7 +39,7 @@ class ReturnSubset:
     normal: NDArray[np.float64]
     """(N, 3) unit normals of the scanned surface, turned to the station; zero where the neighbours lie on no plane."""
     station: NDArray[np.int32]
-    """(N,) index into ``station_position``."""
+    """(N,) index into ``station_position``; stations at the same place, to the millimetre, are the first of them."""
     station_position: NDArray[np.float64]
     """(S, 3) metres, scan frame."""
     known: NDArray[np.bool_]
@@ -85,11 +85,12 @@ def choose_returns(
                 filled = _reinsert(*table, kept_offsets, kept_station, name, cell, size)
         done += len(offsets)
         progress.update(0.8 * done / max(source.point_count, 1), "Choosing returns for the alignment")
+    _, first, same = np.unique(name, return_index=True, return_inverse=True)
     keep = table[3] >= 0
     if not keep.any():
         raise BimVerifyError(f"{', '.join(source.paths) or 'The scan'} holds no returns. Give a scan with points.")
     order = np.argsort(table[0][keep], kind="stable")
-    offsets, station = table[2][keep][order], table[3][keep][order]
+    offsets, station = table[2][keep][order], first[same][table[3][keep][order]].astype(np.int32)
     normal = np.zeros_like(offsets)
     for s in range(len(stations)):
         own = np.flatnonzero(station == s)

@@ -85,7 +85,8 @@ class TransformedSource:
     """A scan source whose stations and returns come out in the target frame of ``transform``.
 
     Station positions and rotations, and the offsets of the returns, are transformed; everything else is the source's
-    own. """
+    own.
+    """
 
     source: ScanSource
     transform: Matrix

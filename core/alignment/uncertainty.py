@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..errors import BimVerifyError
 from .refine import Fit
 from .robust_fit import jacobian
+from .station_spread import station_spread
 
 Array = NDArray[np.float64]
 
@@ -50,7 +51,8 @@ def assess(fit: Fit, patch_element: NDArray[np.int32], elements: int) -> Uncerta
     sandwich CR3 of Bell and McCaffrey 2002), which holds whatever the residuals inside an element do, and a model in
     which each element is off as a whole by the spread seen between all faces, which holds when few elements carry a
     direction. The first is raised by (sum w / sum psi')^2, because its slopes come from weights (Huber 1981, ch. 6),
-    the second by the efficiency of the weights and by G / (G - 6) for the six unknowns that G elements gave.
+    the second by the efficiency of the weights and by G / (G - 6) for the six unknowns that G elements gave. To that
+    comes what the stations' registration to each other, as seen on common faces, does to a pose that moves all as one.
     """
     scale = np.array([fit.extent] * 3 + [1.0] * 3)
     rows = jacobian(fit.position - fit.center, fit.matches.normal) / scale
@@ -66,8 +68,10 @@ def assess(fit: Fit, patch_element: NDArray[np.int32], elements: int) -> Uncerta
     jackknife = _jackknife(information, own, gradient)
     noise = fit.weights.within**2 * np.einsum("i,ij,ik->jk", weight**2, rows, rows)
     between = fit.weights.between**2 * np.einsum("eij,ekj->ik", shift, shift)
+    lean = _sum_by(fit.station, weighted[:, :, None] * fit.matches.normal[:, None, :], int(fit.station.max()) + 1)
+    stations = station_spread(fit) ** 2 * np.einsum("sij,skj->ik", lean, lean)
     model = inverse @ (noise + between) @ inverse / TUKEY_EFFICIENCY * _freedom_factor(information, own)
-    scaled = _larger(model, _slope_factor(fit.weights.face) * jackknife)
+    scaled = _larger(model, _slope_factor(fit.weights.face) * jackknife) + inverse @ stations @ inverse
     sigma, direction = _largest(scaled)
     share = np.einsum("i,eij,j->e", direction, own, direction)
     carriers = float(share.sum() ** 2 / np.square(share).sum())

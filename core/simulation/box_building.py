@@ -69,6 +69,7 @@ def building_model(
         triangles=(_FACES[None] + 8 * np.arange(count, dtype=np.int32)[:, None, None]).reshape(-1, 3),
         triangle_element=np.repeat(np.arange(count, dtype=np.int32), len(_FACES)),
         closed=np.ones(count, dtype=np.bool_),
+        transparent=np.zeros(count * len(_FACES), dtype=np.bool_),
     )
 
 
@@ -151,7 +152,7 @@ class ArraySource:
     def point_count(self) -> int:
         return sum(len(o) for o in self.offsets)
 
-    def blocks(self, block_size: int = 1_000_000) -> Iterator[ReturnBlock]:
+    def blocks(self, block_size: int = 262_144, *, attributes: bool = False) -> Iterator[ReturnBlock]:
         """Stream the returns station by station."""
         for station, offsets in enumerate(self.offsets):
             for begin in range(0, len(offsets), block_size):

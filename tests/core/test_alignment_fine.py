@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -26,7 +28,7 @@ from bim_verify.core.simulation.box_building import (
 )
 
 SIGMA = 0.002
-STEP_DEG = 1.5
+STEP_DEG = 2.5
 CENTER = np.array([6.0, 4.5, 1.3])
 COARSE = se3.exp_about(np.concatenate([np.radians(3.0) * np.array([0.6, 0.0, -0.8]), [0.3, -0.3, 0.26]]), CENTER)
 
@@ -36,7 +38,7 @@ Planned = tuple[BuildingModel, SurfaceSamples]
 @pytest.fixture(scope="module")
 def planned() -> Planned:
     model = building_model(four_rooms())
-    return model, sample_surface(model, 0.06)
+    return model, sample_surface(model, 0.1)
 
 
 def pose_error(record: AlignmentRecord, motion: np.ndarray) -> tuple[float, float]:
@@ -49,19 +51,26 @@ def seen(built: list[Box], seed: int = 0) -> ArraySource:
     return scan(building_model(built), four_room_stations(), step_deg=STEP_DEG, noise=SIGMA, seed=seed)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_moved_elements_do_not_pull(planned: Planned, seed: int) -> None:
-    built, moved = build_inaccurately(four_rooms(), moved_share=0.15, largest_move=0.12, deviation=0.0, seed=seed)
+def test_moved_elements_do_not_pull(planned: Planned) -> None:
+    built, moved = build_inaccurately(four_rooms(), moved_share=0.15, largest_move=0.12, deviation=0.0, seed=0)
     assert len(moved) == 7
-    record = align_fine(*planned, TransformedSource(seen(built, seed), COARSE), sigma=SIGMA, loa=30)
+    record = align_fine(*planned, TransformedSource(seen(built), COARSE), sigma=SIGMA, loa=30)
     shift, turn = pose_error(record, COARSE)
     assert shift < 1e-3
     assert turn < 1e-4
+    assert record.mode == "fine"
+    assert record.covariance is not None
+    assert np.linalg.eigvalsh(record.covariance).min() > 0
+    assert record.inlier_ratio is not None
+    assert 0.5 < record.inlier_ratio <= 1.0
+    assert record.rms is not None
+    assert 0.2 * SIGMA < record.rms < 2 * SIGMA
+    assert "is fixed to" in record.weakest_direction
 
 
 def test_large_moved_slabs_do_not_drag_the_height(planned: Planned) -> None:
-    built = [b.moved(np.array([0, 0, -0.12 if b.name == "floor 0" else -0.05])) if b.name in ("floor 0", "floor 3") else b
-             for b in four_rooms()]  # fmt: skip
+    drop = {"floor 0": -0.12, "floor 3": -0.05}
+    built = [b.moved(np.array([0.0, 0.0, drop.get(b.name, 0.0)])) for b in four_rooms()]
     record = align_fine(*planned, seen(built), start=se3.translation(np.array([0.1, -0.1, 0.15])), sigma=SIGMA, loa=30)
     shift, turn = pose_error(record, np.eye(4))
     assert shift < 1e-3
@@ -91,8 +100,6 @@ def test_the_start_pose_and_a_far_origin_are_honoured(planned: Planned) -> None:
 
 
 def test_unknown_scanner_positions_still_align(planned: Planned) -> None:
-    from dataclasses import replace
-
     source = seen(four_rooms())
     points = [s.position + o for s, o in zip(source.stations, source.offsets, strict=True)]
     placeholder = replace(source.stations[0], position=np.zeros(3), known=False)
@@ -101,23 +108,11 @@ def test_unknown_scanner_positions_still_align(planned: Planned) -> None:
     assert pose_error(record, np.eye(4))[0] < 1e-3
 
 
-def test_the_record_says_what_was_found(planned: Planned) -> None:
-    record = align_fine(*planned, seen(four_rooms()), sigma=SIGMA, loa=30)
-    assert record.mode == "fine"
-    assert record.covariance is not None
-    assert np.linalg.eigvalsh(record.covariance).min() > 0
-    assert record.inlier_ratio is not None
-    assert 0.6 < record.inlier_ratio <= 1.0
-    assert record.rms is not None
-    assert 0.2 * SIGMA < record.rms < 2 * SIGMA
-    assert "is fixed to" in record.weakest_direction
-
-
 def refused(boxes: list[Box], stations: list[list[float]]) -> str:
     model = building_model(boxes)
-    source = scan(model, np.array(stations), step_deg=STEP_DEG, noise=SIGMA)
+    source = scan(model, np.array(stations), step_deg=1.5, noise=SIGMA)
     with pytest.raises(BimVerifyError) as caught:
-        align_fine(model, sample_surface(model, 0.08), source, sigma=SIGMA, loa=30)
+        align_fine(model, sample_surface(model, 0.15), source, sigma=SIGMA, loa=30)
     return str(caught.value)
 
 

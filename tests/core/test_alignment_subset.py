@@ -29,7 +29,7 @@ def source() -> ArraySource:
 class Shuffled(ArraySource):
     """The same returns backwards and in small blocks."""
 
-    def blocks(self, block_size: int = 1_000_000) -> Iterator[ReturnBlock]:
+    def blocks(self, block_size: int = 262_144, *, attributes: bool = False) -> Iterator[ReturnBlock]:
         for block in list(super().blocks(777))[::-1]:
             yield ReturnBlock(block.station, block.offsets[::-1].copy())
 
