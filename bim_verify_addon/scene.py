@@ -125,7 +125,7 @@ def show_scan(
 ) -> bpy.types.Object:
     """A thinned scan as a mesh of vertices, with ``station`` (INT) and ``bv_color`` (FLOAT_COLOR) on each.
 
-    ``xyz``: (N, 3) metres, model frame.
+    ``xyz``: (N, 3) metres, frame of the file; ``move_scans`` says where that lies in the model frame.
     """
     remove_scan(scene, path)
     middle = np.round(np.median(xyz, axis=0)) if len(xyz) else np.zeros(3)
@@ -153,10 +153,10 @@ def remove_scan(scene: bpy.types.Scene, path: str) -> None:
 
 
 def move_scans(scene: bpy.types.Scene, transform: NDArray[np.float64]) -> None:
-    """Show all scans where an alignment puts them; ``transform`` (4, 4): scan frame to model frame, metres."""
+    """Show all scans where ``transform`` puts them, (4, 4): frame of the files to model frame, metres."""
     place = frame.stored(scene) or frame.ViewFrame()
     for item in scan_objects(scene):
-        item[frame.ALIGNMENT_KEY] = [float(v) for v in transform.ravel()]
+        item[frame.PLACEMENT_KEY] = [float(v) for v in transform.ravel()]
         frame.place(item, place)
 
 

@@ -86,9 +86,7 @@ def _disturbance(run: int) -> NDArray[np.float64]:
     return se3.exp_about(np.concatenate([axes[0] * np.radians(3.0), axes[1] * 0.5]), CENTER)
 
 
-def _print_row(
-    deviation: float, errors: NDArray[np.float64], squares: NDArray[np.float64], seconds: float
-) -> None:
+def _print_row(deviation: float, errors: NDArray[np.float64], squares: NDArray[np.float64], seconds: float) -> None:
     shift = np.linalg.norm(errors[:, 3:], axis=1) * 1e3
     turn = np.linalg.norm(errors[:, :3], axis=1) * 1e3
     print(

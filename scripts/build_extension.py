@@ -36,8 +36,8 @@ BLENDER_NUMPY = {"3.11": "1.24.3", "3.13": "2.3.4"}
 IN_BLENDER = {"numpy"}
 """Comes with Blender; a second copy could clash with it."""
 
-NOT_INSIDE = {"matplotlib", "rich"}
-"""Only the console and the scripts that make the documentation draw with these."""
+NOT_INSIDE = {"matplotlib"}
+"""Only the scripts that make the documentation draw with these."""
 
 
 def main() -> int:
