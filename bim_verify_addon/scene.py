@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..core.model.elements import BuildingModel, Element
 from ..core.results import LEVELS, STATUSES, ElementVerdict, VerificationResult
 from . import bonsai, colors, frame, materials
-from .surface_grid import Display
+from .surface_grid import Display, second_sides
 
 ROOT = "BIM Verify"
 SCANS = "Scans"
@@ -56,9 +56,10 @@ def show_model(scene: bpy.types.Scene, model: BuildingModel) -> None:
     """One object an element, in a collection a storey; what an earlier import made is brought up to date or removed."""
     place = frame.stored(scene) or frame.ViewFrame()
     existing = element_objects(scene)
-    start = model.triangle_start
+    start, second = model.triangle_start, second_sides(model)
     for index, element in enumerate(model.elements):
-        triangles = model.triangles[start[index] : start[index + 1]]
+        own = slice(start[index], start[index + 1])
+        triangles = model.triangles[own][~second[own]]
         used, corner = np.unique(triangles, return_inverse=True)
         mesh = _mesh(object_name(element), model.vertices[used], corner.reshape(-1, 3))
         _put_element(scene, existing.pop(element.global_id, None), element, mesh, model.origin, place)
