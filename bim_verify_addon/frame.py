@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 SCENE_KEY = "bim_verify_frame"
 ORIGIN_KEY = "bim_verify_origin"
-"""On each object that we make: where its own zero lies, model frame, metres, double precision."""
-ALIGNMENT_KEY = "bim_verify_alignment"
-"""On a scan object that was aligned: the 4x4 transform from its file's frame to the model frame, row by row."""
+"""On each object that we make: where its own zero lies, model frame (scans: frame of the file), metres, doubles."""
+PLACEMENT_KEY = "bim_verify_placement"
+"""On a scan object: the 4x4 transform from its file's frame to the model frame, row by row."""
 NEAR_ENOUGH_M = 1000.0
 """Up to here single precision keeps 0.1 mm, and the scene shows the file's own coordinates."""
 
@@ -76,11 +76,11 @@ def store(scene: bpy.types.Scene, frame: ViewFrame) -> None:
 
 
 def place(item: bpy.types.Object, frame: ViewFrame) -> None:
-    """Put an object that carries its model-frame origin where the frame (and an alignment on it) says."""
+    """Put an object that carries its model-frame origin where the frame (and the placement of a scan) says."""
     origin = np.array(item[ORIGIN_KEY][:])
     turn = np.eye(3)
-    if ALIGNMENT_KEY in item:
-        transform = np.array(item[ALIGNMENT_KEY][:]).reshape(4, 4)
+    if PLACEMENT_KEY in item:
+        transform = np.array(item[PLACEMENT_KEY][:]).reshape(4, 4)
         turn, origin = transform[:3, :3], transform[:3, :3] @ origin + transform[:3, 3]
     matrix = np.eye(4)
     matrix[:3, :3] = frame.turned(turn)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -65,8 +65,8 @@ def has_model(settings: bpy.types.PropertyGroup) -> bool:
     return bonsai.live_file() is not None or bool(settings.model_path)
 
 
-def model_loader(scene: bpy.types.Scene) -> Callable[[Progress], BuildingModel]:
-    """How to get the scene's model, for a worker thread. Call this on the main thread.
+def model_loader(scene: bpy.types.Scene, path: str = "") -> Callable[[Progress], BuildingModel]:
+    """How to get the model at ``path`` (default: the scene's), for a worker thread. Call this on the main thread.
 
     What Bonsai holds in memory is written to a temporary file here, so that edits that were not saved count, and
     nothing of Bonsai is used in another thread.
@@ -86,7 +86,7 @@ def model_loader(scene: bpy.types.Scene) -> Callable[[Progress], BuildingModel]:
                 return replace(load_model(copy, threads=threads, progress=progress), path=known)
 
         return load_live
-    path = model_path(scene.bim_verify)
+    path = bpy.path.abspath(path) or model_path(scene.bim_verify)
     loaded = SESSION.models.get(scene.name)
 
     def load(progress: Progress) -> BuildingModel:
@@ -109,13 +109,16 @@ def adopt_frame(scene: bpy.types.Scene, model: BuildingModel | None, cloud: NDAr
         frame.store(scene, chosen)
 
 
-def to_model_frame(xyz: NDArray[np.float64], model: BuildingModel | None, scan_frame: str) -> NDArray[np.float64]:
-    """(N, 3) scan frame to (N, 3) model frame, metres, for display."""
-    if model is None or model.map_conversion is None or scan_frame == "model" or not len(xyz):
-        return xyz
-    converted = model.map_conversion.to_model(xyz)
-    if scan_frame == "map":
-        return converted
-    middle = model.origin + model.bounds.mean(axis=0)
-    near = np.linalg.norm(np.median(xyz, axis=0) - middle) <= np.linalg.norm(np.median(converted, axis=0) - middle)
-    return xyz if near else converted
+def placement(model: BuildingModel | None, paths: Sequence[str], options: VerifyOptions) -> NDArray[np.float64]:
+    """(4, 4) from the frame of the scan files to the model frame, metres, as verification takes it without alignment.
+
+    For a worker thread. Without a model, scans stay where they are.
+    """
+    from ..core.alignment.transform import TransformedSource
+    from ..core.scans.frame import to_model_frame
+    from ..core.scans.open import open_scans
+
+    if model is None or not paths:
+        return np.eye(4)
+    source = to_model_frame(model, open_scans(paths, origin=options.origin), options.scan_frame)
+    return source.transform if isinstance(source, TransformedSource) else np.eye(4)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..core.model.elements import BuildingModel, Element
 from ..core.results import LEVELS, STATUSES, ElementVerdict, VerificationResult
 from . import bonsai, colors, frame, materials
-from .surface_grid import Display
+from .surface_grid import Display, second_sides
 
 ROOT = "BIM Verify"
 SCANS = "Scans"
@@ -56,9 +56,10 @@ def show_model(scene: bpy.types.Scene, model: BuildingModel) -> None:
     """One object an element, in a collection a storey; what an earlier import made is brought up to date or removed."""
     place = frame.stored(scene) or frame.ViewFrame()
     existing = element_objects(scene)
-    start = model.triangle_start
+    start, second = model.triangle_start, second_sides(model)
     for index, element in enumerate(model.elements):
-        triangles = model.triangles[start[index] : start[index + 1]]
+        own = slice(start[index], start[index + 1])
+        triangles = model.triangles[own][~second[own]]
         used, corner = np.unique(triangles, return_inverse=True)
         mesh = _mesh(object_name(element), model.vertices[used], corner.reshape(-1, 3))
         _put_element(scene, existing.pop(element.global_id, None), element, mesh, model.origin, place)
@@ -125,7 +126,7 @@ def show_scan(
 ) -> bpy.types.Object:
     """A thinned scan as a mesh of vertices, with ``station`` (INT) and ``bv_color`` (FLOAT_COLOR) on each.
 
-    ``xyz``: (N, 3) metres, model frame.
+    ``xyz``: (N, 3) metres, frame of the file; ``move_scans`` says where that lies in the model frame.
     """
     remove_scan(scene, path)
     middle = np.round(np.median(xyz, axis=0)) if len(xyz) else np.zeros(3)
@@ -153,10 +154,10 @@ def remove_scan(scene: bpy.types.Scene, path: str) -> None:
 
 
 def move_scans(scene: bpy.types.Scene, transform: NDArray[np.float64]) -> None:
-    """Show all scans where an alignment puts them; ``transform`` (4, 4): scan frame to model frame, metres."""
+    """Show all scans where ``transform`` puts them, (4, 4): frame of the files to model frame, metres."""
     place = frame.stored(scene) or frame.ViewFrame()
     for item in scan_objects(scene):
-        item[frame.ALIGNMENT_KEY] = [float(v) for v in transform.ravel()]
+        item[frame.PLACEMENT_KEY] = [float(v) for v in transform.ravel()]
         frame.place(item, place)
 
 

@@ -5,7 +5,7 @@ Arrays in, arrays out: nothing here knows Blender, so it may run in a worker thr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,8 @@ COARSEST_M = 0.25
 """Whatever the budget: a coarser grid would not show where on an element something is wrong."""
 FEWEST_CELLS = 200
 """A small element gets at least about this many cells, so that its pattern is more than one colour."""
+SIDES_APART_M = 5e-4
+"""Shown distance of the two sides of a sheet without thickness; in one place, renderers would show neither."""
 NEAREST = 4
 """Samples that a vertex is interpolated from."""
 FACING_WEIGHT_M = 1.0
@@ -70,7 +72,8 @@ def make_display(result: VerificationResult, budget: int, progress: Progress | N
     progress.update(0.0, "Making the coloured surfaces")
     edge = edge_lengths(result.model, result.options.sample_spacing, budget)
     grid = build_grid(result.model, edge, progress.part(0.0, 0.3))
-    return Display(grid, interpolate(grid, result.samples, result.evidence, progress.part(0.3, 1.0)))
+    values = interpolate(grid, result.samples, result.evidence, progress.part(0.3, 1.0))
+    return Display(replace(grid, vertices=_sides_apart(result.model, grid)), values)
 
 
 def edge_lengths(model: BuildingModel, spacing: float, budget: int) -> NDArray[np.float64]:
@@ -156,6 +159,24 @@ def interpolate(
         has = total > 0
         deviation[at][has] = (weight * np.nan_to_num(measured)).sum(axis=1)[has] / total[has]
     return GridValues(belief[:, 0], belief[:, 1], belief[:, 2], deviation)
+
+
+def second_sides(model: BuildingModel) -> NDArray[np.bool_]:
+    """(T,) the triangle is the other side of one before it: an open sheet has both sides in the model."""
+    _, place = np.unique(np.round(model.vertices * 1e5).astype(np.int64), axis=0, return_inverse=True)
+    corners = np.sort(place.reshape(-1)[model.triangles], axis=1)
+    key = np.column_stack([model.triangle_element, corners])
+    _, first = np.unique(key, axis=0, return_index=True)
+    second = np.ones(len(model.triangles), dtype=np.bool_)
+    second[first] = False
+    return second
+
+
+def _sides_apart(model: BuildingModel, grid: SurfaceGrid) -> NDArray[np.float64]:
+    sheet = np.zeros(len(model.elements))
+    sheet[np.unique(model.triangle_element[second_sides(model)])] = 0.5 * SIDES_APART_M
+    shift: NDArray[np.float64] = np.repeat(sheet, np.diff(grid.vertex_start))
+    return grid.vertices + shift[:, None] * grid.normal
 
 
 def _cross(model: BuildingModel) -> NDArray[np.float64]:

@@ -78,6 +78,29 @@ def verify(
         return _verify(model, source, options, progress.part(0.1, 1.0), watch)
 
 
+def align_scans(
+    model: BuildingModel | str | Path,
+    scans: ScanSource | Sequence[str | Path],
+    options: VerifyOptions,
+    progress: Progress | None = None,
+) -> AlignmentRecord:
+    """Only the alignment that ``verify`` with the same options begins with.
+
+    Its ``transform`` applies to scans that are in the model's frame already (``scans.frame.to_model_frame``). Raises
+    BimVerifyError when a file cannot be used, or when the geometry does not fix the pose.
+    """
+    progress = progress or Progress()
+    with _threads(options.threads):
+        if not isinstance(model, BuildingModel):
+            model = load_model(model, threads=options.threads, cache=options.cache, progress=progress.part(0.0, 0.2))
+        source = open_scans(scans, origin=options.origin) if isinstance(scans, Sequence) else scans
+        _check_stations(source)
+        source = to_model_frame(model, source, options.scan_frame)
+        progress.update(0.2, "Spreading query positions over the model")
+        samples = sample_surface(model, options.sample_spacing)
+        return align(model, samples, source, options, progress.part(0.3, 1.0))
+
+
 def _verify(
     model: BuildingModel, source: ScanSource, options: VerifyOptions, progress: Progress, watch: Stopwatch
 ) -> VerificationResult:

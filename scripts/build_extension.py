@@ -36,8 +36,8 @@ BLENDER_NUMPY = {"3.11": "1.24.3", "3.13": "2.3.4"}
 IN_BLENDER = {"numpy"}
 """Comes with Blender; a second copy could clash with it."""
 
-NOT_INSIDE = {"matplotlib", "rich"}
-"""Only the console and the scripts that make the documentation draw with these."""
+NOT_INSIDE = {"matplotlib"}
+"""Only the scripts that make the documentation draw with these."""
 
 
 def main() -> int:
@@ -82,7 +82,8 @@ def name_of(requirement: str) -> str:
 def collect(platform: str, python: str, folder: Path) -> list[Path]:
     """Download the wheels of one platform and Python; those of Blender's own packages are left out."""
     place = folder / python
-    place.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir(parents=True)
     tags = [part for tag in PIP_PLATFORMS[platform] for part in ("--platform", tag)]
     pip = [sys.executable, "-m", "pip", "download", "--quiet", "--only-binary=:all:", "--dest", str(place)]
     target = [*tags, "--python-version", python, "--implementation", "cp"]

@@ -6,7 +6,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import bpy
+import numpy as np
 from bpy.props import EnumProperty
+from numpy.typing import NDArray
 
 from ...core.progress import Progress
 from .. import project, scene
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
     from ...core.results import AlignmentRecord
 
 
-class BIMVERIFY_OT_align(Job["AlignmentRecord"], bpy.types.Operator):
+class BIMVERIFY_OT_align(Job["tuple[AlignmentRecord, NDArray[np.float64]]"], bpy.types.Operator):
     """Find how the scans lie against the model, show them there, and use it when verifying."""
 
     bl_idname = "bim_verify.align"
@@ -41,24 +43,27 @@ class BIMVERIFY_OT_align(Job["AlignmentRecord"], bpy.types.Operator):
             return False
         return idle(cls)
 
-    def prepare(self, context: bpy.types.Context) -> Work[AlignmentRecord]:
+    def prepare(self, context: bpy.types.Context) -> Work[tuple[AlignmentRecord, NDArray[np.float64]]]:
         from ...core import jobs
 
         settings = context.scene.bim_verify
         options = replace(project.options(settings), align=self.mode)
         load, paths = project.model_loader(context.scene), project.scan_paths(settings)
 
-        def work(progress: Progress) -> AlignmentRecord:
-            return jobs.align(load(progress.part(0.0, 0.2)), paths, options, progress.part(0.2, 1.0))
+        def work(progress: Progress) -> tuple[AlignmentRecord, NDArray[np.float64]]:
+            model = load(progress.part(0.0, 0.2))
+            record = jobs.align_scans(model, paths, options, progress.part(0.2, 1.0))
+            return record, record.transform @ project.placement(model, paths, options)
 
         return work
 
-    def finish(self, context: bpy.types.Context, value: AlignmentRecord) -> str:
+    def finish(self, context: bpy.types.Context, value: tuple[AlignmentRecord, NDArray[np.float64]]) -> str:
         settings = context.scene.bim_verify
-        SESSION.alignments[context.scene.name] = value
+        record, placement = value
+        SESSION.alignments[context.scene.name] = record
         settings.align = self.mode
-        scene.move_scans(context.scene, value.transform)
-        fit = "" if value.rms is None else f", residual {1000 * value.rms:.1f} mm"
-        weakest = f" Weakest: {value.weakest_direction}." if value.weakest_direction else ""
+        scene.move_scans(context.scene, placement)
+        fit = "" if record.rms is None else f", residual {1000 * record.rms:.1f} mm"
+        weakest = f" Weakest: {record.weakest_direction}." if record.weakest_direction else ""
         settings.alignment_summary = f"Aligned ({self.mode}){fit}.{weakest}"
         return settings.alignment_summary

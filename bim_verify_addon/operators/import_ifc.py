@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import bpy
+import numpy as np
 from bpy.props import StringProperty
+from numpy.typing import NDArray
 
 from ...core.errors import BimVerifyError
 from ...core.progress import Progress
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
     from ...core.model.elements import BuildingModel
 
 
-class BIMVERIFY_OT_import_ifc(Job["BuildingModel"], bpy.types.Operator):
+class BIMVERIFY_OT_import_ifc(Job["tuple[BuildingModel, NDArray[np.float64]]"], bpy.types.Operator):
     """Import an IFC model: one object an element, one collection a storey, in metres.
 
     When Bonsai holds a project, that is taken instead and no second set of objects is made.
@@ -45,30 +47,32 @@ class BIMVERIFY_OT_import_ifc(Job["BuildingModel"], bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         return {"CANCELLED"} if restart_when_closed(self) else Job.execute(self, context)
 
-    def prepare(self, context: bpy.types.Context) -> Work[BuildingModel]:
-        from ...core.model.load import load_model
-
-        if bonsai.live_file() is not None:
-            return project.model_loader(context.scene)
-        if not self.filepath:
+    def prepare(self, context: bpy.types.Context) -> Work[tuple[BuildingModel, NDArray[np.float64]]]:
+        settings = context.scene.bim_verify
+        if bonsai.live_file() is None and not self.filepath:
             raise BimVerifyError("No IFC file was given. Choose one.")
-        path, threads = bpy.path.abspath(self.filepath), context.scene.bim_verify.threads
+        load = project.model_loader(context.scene, self.filepath)
+        options, scans = project.options(settings), project.scan_paths(settings)
 
-        def work(progress: Progress) -> BuildingModel:
-            return load_model(path, threads=threads, progress=progress)
+        def work(progress: Progress) -> tuple[BuildingModel, NDArray[np.float64]]:
+            model = load(progress)
+            return model, project.placement(model, scans, options)
 
         return work
 
-    def finish(self, context: bpy.types.Context, value: BuildingModel) -> str:
+    def finish(self, context: bpy.types.Context, value: tuple[BuildingModel, NDArray[np.float64]]) -> str:
         settings = context.scene.bim_verify
-        SESSION.models[context.scene.name] = value
-        settings.model_path = value.path
-        project.adopt_frame(context.scene, value)
+        model, placement = value
+        SESSION.models[context.scene.name] = model
+        settings.model_path = model.path
+        project.adopt_frame(context.scene, model)
         if bonsai.live_file() is None:
-            scene.show_model(context.scene, value)
-        storeys = len({element.storey for element in value.elements})
+            scene.show_model(context.scene, model)
+        scene.move_scans(context.scene, placement)
+        settings.alignment_summary = ""
+        storeys = len({element.storey for element in model.elements})
         settings.model_summary = (
-            f"{len(value.elements)} elements in {storeys} storey{'s' if storeys != 1 else ''}, {value.schema}"
+            f"{len(model.elements)} elements in {storeys} storey{'s' if storeys != 1 else ''}, {model.schema}"
         )
-        skipped = f" {len(value.skipped)} products have no usable body." if value.skipped else ""
+        skipped = f" {len(model.skipped)} products have no usable body." if model.skipped else ""
         return f"{settings.model_summary}.{skipped}"

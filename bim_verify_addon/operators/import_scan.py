@@ -30,7 +30,15 @@ class Cloud:
     color: NDArray[np.uint8] | None
 
 
-class BIMVERIFY_OT_import_scan(Job[list[Cloud]], bpy.types.Operator):
+@dataclass(frozen=True)
+class Clouds:
+    """What was read, and where the whole campaign lies in the model frame."""
+
+    clouds: list[Cloud]
+    placement: NDArray[np.float64]
+
+
+class BIMVERIFY_OT_import_scan(Job[Clouds], bpy.types.Operator):
     """Add scan files to the campaign and show each as a thinned cloud; verification reads the whole files."""
 
     bl_idname = "bim_verify.import_scan"
@@ -56,7 +64,7 @@ class BIMVERIFY_OT_import_scan(Job[list[Cloud]], bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         return {"CANCELLED"} if restart_when_closed(self) else Job.execute(self, context)
 
-    def prepare(self, context: bpy.types.Context) -> Work[list[Cloud]]:
+    def prepare(self, context: bpy.types.Context) -> Work[Clouds]:
         from ...core.scans.open import open_scans
         from ...core.scans.thin import thin
 
@@ -66,32 +74,35 @@ class BIMVERIFY_OT_import_scan(Job[list[Cloud]], bpy.types.Operator):
             raise BimVerifyError("No scan file was given. Choose at least one.")
         paths = [bpy.path.abspath(path) for path in paths]
         settings = context.scene.bim_verify
-        origin, most = project.scanner_position(settings.origin), settings.display_points
+        options, most = project.options(settings), settings.display_points
+        model = SESSION.models.get(context.scene.name)
+        campaign = list(dict.fromkeys([*project.scan_paths(settings), *paths]))
 
-        def work(progress: Progress) -> list[Cloud]:
+        def work(progress: Progress) -> Clouds:
             clouds = []
             for number, path in enumerate(paths):
                 progress.update(number / len(paths), f"Reading {Path(path).name}")
-                source = open_scans([path], origin=origin)
+                source = open_scans([path], origin=options.origin)
                 xyz, station, color = thin(source, most)
                 clouds.append(Cloud(path, source.point_count, len(source.stations), xyz, station, color))
-            return clouds
+            return Clouds(clouds, project.placement(model, campaign, options))
 
         return work
 
-    def finish(self, context: bpy.types.Context, value: list[Cloud]) -> str:
+    def finish(self, context: bpy.types.Context, value: Clouds) -> str:
         settings = context.scene.bim_verify
         model = SESSION.models.get(context.scene.name)
-        for cloud in value:
+        for cloud in value.clouds:
             entry = next((s for s in settings.scans if s.path == cloud.path), None) or settings.scans.add()
             entry.name, entry.path = Path(cloud.path).name, cloud.path
             entry.points, entry.stations = cloud.points, cloud.stations
-            xyz = project.to_model_frame(cloud.xyz, model, settings.scan_frame)
-            project.adopt_frame(context.scene, model, xyz)
-            scene.show_scan(context.scene, cloud.path, entry.name, xyz, cloud.station, cloud.color)
+            project.adopt_frame(context.scene, model, cloud.xyz)
+            scene.show_scan(context.scene, cloud.path, entry.name, cloud.xyz, cloud.station, cloud.color)
+        scene.move_scans(context.scene, value.placement)
+        settings.alignment_summary = ""
         settings.scan_index = len(settings.scans) - 1
-        points = sum(cloud.points for cloud in value)
-        return f"{points:,} points in {len(value)} scan file{'s' if len(value) > 1 else ''}."
+        points = sum(cloud.points for cloud in value.clouds)
+        return f"{points:,} points in {len(value.clouds)} scan file{'s' if len(value.clouds) > 1 else ''}."
 
 
 class BIMVERIFY_OT_remove_scan(bpy.types.Operator):

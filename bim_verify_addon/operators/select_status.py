@@ -19,7 +19,7 @@ class BIMVERIFY_OT_select_status(bpy.types.Operator):
     bl_description = "Select all elements with this status; Shift adds to the selection"
     bl_options = {"REGISTER", "UNDO"}
 
-    status: EnumProperty(name="Status", items=STATUS_ITEMS)
+    status: EnumProperty(name="Status", items=STATUS_ITEMS, description="The verdict to look for")
     extend: BoolProperty(name="Extend", description="Keep what is selected")
 
     @classmethod

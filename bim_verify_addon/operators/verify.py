@@ -6,7 +6,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import bpy
+import numpy as np
 from bpy.props import EnumProperty, FloatProperty
+from numpy.typing import NDArray
 
 from ...core.progress import Progress
 from .. import bonsai, project, scene
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from ...core.results import VerificationResult
 
 
-class BIMVERIFY_OT_verify(Job[tuple["VerificationResult", Display]], bpy.types.Operator):
+class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.float64]]"], bpy.types.Operator):
     """Decide for every element whether the scans confirm it, contradict it or never saw it, and colour it."""
 
     bl_idname = "bim_verify.verify"
@@ -58,7 +60,7 @@ class BIMVERIFY_OT_verify(Job[tuple["VerificationResult", Display]], bpy.types.O
             return False
         return idle(cls)
 
-    def prepare(self, context: bpy.types.Context) -> Work[tuple[VerificationResult, Display]]:
+    def prepare(self, context: bpy.types.Context) -> Work[tuple[VerificationResult, Display, NDArray[np.float64]]]:
         from ...core import jobs
 
         settings = context.scene.bim_verify
@@ -72,17 +74,18 @@ class BIMVERIFY_OT_verify(Job[tuple["VerificationResult", Display]], bpy.types.O
             settings.display_vertices,
         )
 
-        def work(progress: Progress) -> tuple[VerificationResult, Display]:
+        def work(progress: Progress) -> tuple[VerificationResult, Display, NDArray[np.float64]]:
             model = load(progress.part(0.0, 0.1))
             result = jobs.verify(model, paths, options, progress.part(0.1, 0.9))
-            return result, make_display(result, budget, progress.part(0.9, 1.0))
+            placement = result.alignment.transform @ project.placement(model, paths, options)
+            return result, make_display(result, budget, progress.part(0.9, 1.0)), placement
 
         return work
 
-    def finish(self, context: bpy.types.Context, value: tuple[VerificationResult, Display]) -> str:
+    def finish(self, context: bpy.types.Context, value: tuple[VerificationResult, Display, NDArray[np.float64]]) -> str:
         from ...core.model.write_psets import apply_psets
 
-        result, display = value
+        result, display, placement = value
         live = bonsai.live_file()
         if live is not None:
             apply_psets(live, result)
@@ -90,6 +93,7 @@ class BIMVERIFY_OT_verify(Job[tuple["VerificationResult", Display]], bpy.types.O
         SESSION.models[context.scene.name] = result.model
         project.adopt_frame(context.scene, result.model)
         scene.show_result(context.scene, result, display)
+        scene.move_scans(context.scene, placement)
         scene.show_planned(context, False)
         scene.show_colors_in_views()
         for warning in result.warnings:

@@ -72,6 +72,6 @@ def verification(monkeypatch: pytest.MonkeyPatch) -> Callable[[Found], None]:
     """Put a function in the place of ``core.jobs.verify``."""
 
     def replace(function: Found) -> None:
-        monkeypatch.setattr(jobs, "verify", function, raising=False)
+        monkeypatch.setattr(jobs, "verify", function)
 
     return replace

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bim_verify.bim_verify_addon.surface_grid import SurfaceGrid, build_grid, edge_lengths, interpolate, make_display
+from bim_verify.bim_verify_addon.surface_grid import (
+    SurfaceGrid,
+    build_grid,
+    edge_lengths,
+    interpolate,
+    make_display,
+    second_sides,
+)
 from bim_verify.core.model.elements import BuildingModel
 from bim_verify.core.model.sample_surface import sample_surface
 from bim_verify.core.results import SampleEvidence, VerificationResult
@@ -92,3 +100,24 @@ def test_display_of_a_result_is_the_same_each_time(result: VerificationResult, t
     one, two = make_display(result, 20_000), make_display(result, 20_000)
     assert np.array_equal(one.grid.vertices, two.grid.vertices)
     assert np.array_equal(one.values.deviation, two.values.deviation, equal_nan=True)
+
+
+def test_the_sides_of_a_sheet_are_shown_apart(result: VerificationResult) -> None:
+    model = result.model
+    there = model.triangles[model.triangle_start[0] : model.triangle_start[1]]
+    twice = replace(
+        model,
+        triangles=np.concatenate([there, there[:, ::-1], model.triangles[len(there) :]]),
+        triangle_element=np.concatenate([np.zeros(len(there), np.int32), model.triangle_element]),
+    )
+    assert second_sides(twice).sum() == len(there)
+    assert not second_sides(model).any()
+    grid = make_display(replace(result, model=twice), 20_000).grid
+    plain = make_display(result, 20_000).grid
+    sheet = slice(0, grid.vertex_start[1])
+    box = [f(model.vertices[there.reshape(-1)], axis=0) for f in (np.min, np.max)]
+    outside = np.maximum(box[0] - grid.vertices[sheet], grid.vertices[sheet] - box[1]).max(axis=1)
+    outer = np.isclose(outside, 2.5e-4)
+    assert 0.4 < outer.mean() < 0.6
+    assert (outside[~outer] < 1e-9).all()
+    assert np.array_equal(grid.vertices[grid.vertex_start[1] :], plain.vertices[plain.vertex_start[1] :])
