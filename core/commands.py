@@ -68,6 +68,8 @@ COMMON = (
     Argument("--no-cache", "tessellate the model anew and keep nothing", flag=True),
 )
 DEFAULT = VerifyOptions()
+DEMO_SPACING_M = 0.05
+"""Query positions of the demo: close enough to look at, and done in a minute."""
 MODEL = Argument("MODEL", "IFC file (IFC2X3, IFC4, IFC4X3)", required=True)
 SCANS = Argument("SCAN", "E57, LAS/LAZ, PLY, PCD, PTS, PTX, XYZ/CSV or NPY files", many=True, required=True)
 ORIGIN = Argument("--origin", "X,Y,Z of the scanner in metres, for scan files that do not name it")
@@ -195,7 +197,7 @@ def _demo(values: Values, progress: Progress) -> Outcome:
     files = make_demo(folder, seed=values["seed"], progress=progress.part(0.0, 0.5))
     from .jobs import verify
 
-    options = VerifyOptions(threads=values["threads"], memory_gb=values["memory_gb"], cache=not values["no_cache"])
+    options = VerifyOptions(sample_spacing=DEMO_SPACING_M, threads=values["threads"], memory_gb=values["memory_gb"], cache=not values["no_cache"])
     result = verify(files.model, [files.scan], options, progress.part(0.5, 0.9))
     write_verified_ifc(files.model, result, folder / "house_verified.ifc")
     write_samples(folder / "samples.ply", result)

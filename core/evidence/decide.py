@@ -54,25 +54,31 @@ class Place:
 
 
 def assess_place(
-    shift: NDArray[np.float64], seen: Sightings, local: NDArray[np.int64], samples: SurfaceSamples,
-    area: NDArray[np.float64], context: Context,
+    shift: NDArray[np.float64], seen: Sightings, area: NDArray[np.float64], context: Context
 ) -> Place:
-    """Assess one place. ``seen`` are its sightings, ``local`` (M,) rows of ``samples``, ``area`` (M,) m2 of each sighting."""
+    """Assess one place from its sightings ``seen`` (M) and the ``area`` (M,) [m2] that each query stands for."""
     state = seen.state(context.window)
     at = (state == AT) & seen.on_face
     beyond = (state == BEYOND) & seen.on_face
-    fit = fit_shift(seen.rows(at), context.sigma).plus(shift)
+    shared = shared_area(seen, area, at | beyond)
+    front = (state == FRONT) & seen.on_face
     return Place(
-        shift, float(area[at].sum()), float(area[beyond].sum()),
-        float(area[(state == FRONT) & seen.on_face].sum()), int((at | beyond).sum()),
-        tuple(np.unique(seen.station[at | beyond]).tolist()), fit,
+        shift, float(shared[at].sum()), float(shared[beyond].sum()), float(shared_area(seen, area, front).sum()),
+        int((at | beyond).sum()), tuple(np.unique(seen.station[at | beyond]).tolist()),
+        fit_shift(seen.rows(at), context.sigma).plus(shift),
     )
 
 
-def sighting_area(seen: Sightings, area: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(M,) m2: each query's ``area`` (M,) shared by the stations that saw it."""
-    _, inverse, count = np.unique(seen.sample, return_inverse=True, return_counts=True)
-    return area / count[inverse]
+def shared_area(
+    seen: Sightings, area: NDArray[np.float64], telling: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """(M,) m2: each query's ``area`` (M,) shared by those of its sightings that are ``telling`` (M,), zero for the others.
+
+    A station that looks at something before the query says nothing about it and takes no share.
+    """
+    _, query = np.unique(seen.sample, return_inverse=True)
+    count = np.bincount(query.ravel(), weights=telling)
+    return np.where(telling, area / np.maximum(count[query.ravel()], 1), 0.0)
 
 
 def propose(
@@ -83,7 +89,7 @@ def propose(
         return np.zeros((0, 3))
     usable = seen.on_face & ~seen.explained
     tells = seen.on_face & ~(seen.explained & (seen.deviation > 0))
-    weight = sighting_area(seen, samples.area[local]) * tells
+    weight = shared_area(seen, samples.area[local], tells)
     return candidate_shifts(seen.deviation, samples.normal[local], weight, usable, 0.6 * context.window)
 
 

@@ -13,7 +13,7 @@ from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from .collect import Queries, StationIndexes, look
-from .decide import Context, Place, assess_place, choose, propose, sighting_area
+from .decide import Context, Place, assess_place, choose, propose
 from .gather import SensorModel
 from .outline import RING_M, ring
 from .sightings import AT, BEYOND, Sightings, explain
@@ -109,8 +109,7 @@ def _round(
     for e in range(count):
         part = seen.rows(np.arange(edge[e], edge[e + 1]))
         local = part.sample.astype(np.int64)
-        area = sighting_area(part, samples.area[local])
-        plans.append(assess_place(np.zeros(3), part, local, samples, area, context))
+        plans.append(assess_place(np.zeros(3), part, samples.area[local], context))
         asked += [(e, shift) for shift in propose(part, local, samples, context)]
     if not asked:
         return plans, plans
@@ -154,8 +153,7 @@ def _probe(
         a, b = np.searchsorted(seen.sample, [start[k], start[k + 1]])
         part = seen.rows(np.arange(a, b))
         local = sample[part.sample]
-        area = sighting_area(part, samples.area[local] * ((first[e + 1] - first[e]) / size[k]))
-        place = assess_place(shift, part, local, samples, area, context)
+        place = assess_place(shift, part, samples.area[local] * ((first[e + 1] - first[e]) / size[k]), context)
         a, b = np.searchsorted(seen.sample, [ring_start[k], ring_start[k + 1]])
         if not _goes_on(seen.rows(np.arange(a, b)), context):
             found.setdefault(e, []).append(place)
