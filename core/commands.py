@@ -197,7 +197,10 @@ def _demo(values: Values, progress: Progress) -> Outcome:
     files = make_demo(folder, seed=values["seed"], progress=progress.part(0.0, 0.5))
     from .jobs import verify
 
-    options = VerifyOptions(sample_spacing=DEMO_SPACING_M, threads=values["threads"], memory_gb=values["memory_gb"], cache=not values["no_cache"])
+    options = VerifyOptions(
+        sample_spacing=DEMO_SPACING_M, threads=values["threads"], memory_gb=values["memory_gb"],
+        cache=not values["no_cache"],
+    )
     result = verify(files.model, [files.scan], options, progress.part(0.5, 0.9))
     write_verified_ifc(files.model, result, folder / "house_verified.ifc")
     write_samples(folder / "samples.ply", result)

@@ -93,10 +93,12 @@ def propose(
     return candidate_shifts(seen.deviation, samples.normal[local], weight, usable, 0.6 * context.window)
 
 
-def choose(plan: Place, others: list[Place], context: Context) -> Place:
-    """The place that explains most; the plan unless another is clearly better."""
+def choose(plan: Place, others: list[Place], exposed: float, context: Context) -> Place:
+    """The place that explains most of an element with ``exposed`` m2; the plan unless another is clearly better."""
     best = plan
     for place in others:
+        if place.at < context.thresholds.moved_seen_share * exposed or not len(place.fit.determined):
+            continue
         if place.share >= context.thresholds.present_share and place.at > context.thresholds.moved_gain * max(
             best.at * (best.share if best is plan else 1.0), 1e-9
         ):

@@ -14,7 +14,7 @@ class Thresholds:
     window_floor: float = 0.02
     """An element counts as standing at its place within the level's bound, but no less than this: below it, noise and
     unevenness of real surfaces would push returns out of the window."""
-    least_seen_share: float = 0.01
+    least_seen_share: float = 0.02
     """With less of the exposed surface in view nothing is said."""
     least_sightings: int = 6
     """Fewer query positions in view than this are stray returns, not evidence."""
@@ -32,6 +32,8 @@ class Thresholds:
     a slender frame around a pane that rays pass."""
     moved_gain: float = 1.5
     """A shifted place must explain this many times more than the planned one."""
+    moved_seen_share: float = 0.03
+    """A shifted place needs this part of the exposed surface in view at it: less is a chance alignment."""
     outline_share: float = 0.4
     """A surface found elsewhere is not the element when more than this share of its surroundings lies on it too."""
     conflict_cap: float = 0.99

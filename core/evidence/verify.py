@@ -114,7 +114,8 @@ def _round(
     if not asked:
         return plans, plans
     others = _probe(scenery, asked, first, as_built, context, progress)
-    return plans, [choose(plans[e], others.get(e, []), context) for e in range(count)]
+    exposed = np.bincount(samples.element, weights=samples.area * samples.exposed, minlength=count)
+    return plans, [choose(plans[e], others.get(e, []), float(exposed[e]), context) for e in range(count)]
 
 
 def _probe(
@@ -125,8 +126,10 @@ def _probe(
     samples = scenery.samples
     own, around = [], []
     margin = max(RING_M, 2.0 * float(np.median(scenery.stations.spacing)) * 5.0)
-    for e, shift in asked:
-        rows = np.arange(first[e], first[e + 1])
+    seen_of = np.zeros(len(asked))
+    for k, (e, shift) in enumerate(asked):
+        rows = first[e] + np.flatnonzero(samples.exposed[first[e] : first[e + 1]])
+        seen_of[k] = len(rows)
         rows = rows[:: max(len(rows) // MOST_PROBES, 1)]
         own.append(rows)
         around.append(ring(samples.position[rows] + shift, samples.normal[rows], shift, margin))
@@ -153,7 +156,7 @@ def _probe(
         a, b = np.searchsorted(seen.sample, [start[k], start[k + 1]])
         part = seen.rows(np.arange(a, b))
         local = sample[part.sample]
-        place = assess_place(shift, part, samples.area[local] * ((first[e + 1] - first[e]) / size[k]), context)
+        place = assess_place(shift, part, samples.area[local] * (seen_of[k] / size[k]), context)
         a, b = np.searchsorted(seen.sample, [ring_start[k], ring_start[k + 1]])
         if not _goes_on(seen.rows(np.arange(a, b)), context):
             found.setdefault(e, []).append(place)

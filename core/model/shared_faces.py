@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from .elements import BuildingModel
 from .raycast import RayScene
 
-SAME_PLACE_M = 0.001
+DEPTH_M = 0.001
+"""How far below its face an element is asked whether it shares that place with another."""
 OWN_SHARE = 0.2
 """With at least this share of its exposed surface to itself, an element is judged by that alone; else (an element that is
 in the model twice) it is judged by what it shares."""
@@ -22,16 +23,37 @@ def drop_shared(
     element: NDArray[np.int32],
     exposed: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
-    """(N,) ``exposed`` without the positions at which a face of another closed element lies and faces the same way."""
+    """(N,) ``exposed`` without the positions just below which another closed element is solid too.
+
+    Such a position is exposed, so the other element's face lies in this one's: a rafter flush with the slab around it.
+    """
     shared = np.zeros(len(position), dtype=np.bool_)
     for begin in range(0, len(position), 1_000_000):
         row = begin + np.flatnonzero(exposed[begin : begin + 1_000_000])
-        start = position[row] + SAME_PLACE_M * normal[row]
-        hits = scene.all_hits(start, -normal[row], 2 * SAME_PLACE_M, most=4)
-        for triangle, entering in zip(hits.triangle, hits.entering, strict=True):
-            other = scene.element[np.maximum(triangle, 0)]
-            shared[row] |= (triangle >= 0) & entering & (other != element[row]) & model.closed[other]
+        shared[row] = inside_another(model, scene, position[row] - DEPTH_M * normal[row], -normal[row], element[row])
     own = np.bincount(element, weights=exposed & ~shared, minlength=len(model.elements))
     whole = np.bincount(element, weights=exposed, minlength=len(model.elements))
     enough = own >= OWN_SHARE * np.maximum(whole, 1)
     return exposed & ~(shared & enough[element])
+
+
+def inside_another(
+    model: BuildingModel,
+    scene: RayScene,
+    point: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    element: NDArray[np.int32],
+) -> NDArray[np.bool_]:
+    """(N,) whether a point lies inside a closed element other than its own, seen along ``direction`` (N, 3).
+
+    It does when the ray's first meeting with some other element is from the inside.
+    """
+    inside = np.zeros(len(point), dtype=np.bool_)
+    met = [np.full(len(point), -1, dtype=np.int32)]
+    hits = scene.all_hits(point, direction, reach=50.0, most=6)
+    for triangle, entering in zip(hits.triangle, hits.entering, strict=True):
+        other = np.where(triangle >= 0, scene.element[np.maximum(triangle, 0)], -1)
+        first = np.all([other != earlier for earlier in met], axis=0)
+        inside |= (other >= 0) & (other != element) & first & ~entering & model.closed[np.maximum(other, 0)]
+        met.append(other)
+    return inside
