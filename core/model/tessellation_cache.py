@@ -16,7 +16,7 @@ import numpy as np
 from ..files import whole_file
 from .elements import BuildingModel, Element, MapConversion
 
-FORMAT = 2
+FORMAT = 3
 """Raised whenever what is stored, or how surfaces are made, changes."""
 KEEP_FILES = 64
 
