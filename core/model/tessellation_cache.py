@@ -68,7 +68,7 @@ def read(cache_key: str, source: Path) -> BuildingModel | None:
                 skipped=tuple(meta["skipped"]),
                 project_name=meta["project_name"],
             )
-    except (OSError, KeyError, ValueError, TypeError, zipfile.BadZipFile):
+    except (OSError, EOFError, KeyError, ValueError, TypeError, zipfile.BadZipFile):
         return None
 
 
