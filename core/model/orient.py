@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+WELD_M = 1e-6
+"""Corners of one element closer than this are one, metres: far below any edge, far above rounding."""
+
 
 def orient_outward(
     vertices: NDArray[np.float64],
@@ -17,7 +20,8 @@ def orient_outward(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.bool_], NDArray[np.bool_]]:
     """Turn closed shells outward; give open sheets both sides.
 
-    A connected shell is closed when every directed edge has its opposite exactly once. Closed shells of negative volume
+    A connected shell is closed when every directed edge has its opposite exactly once, if need be after corners of the
+    element in the same place are taken as one. Closed shells of negative volume
     are turned, unless the element's total volume is positive (then they are voids inside it). The sides of an open sheet
     cannot be told apart, so it is kept twice, once for each side; sampling later drops the side that looks only at itself.
 
@@ -30,18 +34,13 @@ def orient_outward(
     if not len(triangles):
         return triangles, owner, transparent, np.zeros(element_count, dtype=np.bool_)
 
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).astype(np.int64)
-    graph = coo_array((np.ones(len(edges), dtype=np.int8), (edges[:, 0], edges[:, 1])), shape=(len(vertices),) * 2)
-    shell = connected_components(graph, directed=False)[1][triangles[:, 0]]
-    shell_count = int(shell.max()) + 1
-
-    code = edges[:, 0] * len(vertices) + edges[:, 1]
-    opposite = edges[:, 1] * len(vertices) + edges[:, 0]
-    unique, count = np.unique(code, return_counts=True)
-    at = np.minimum(np.searchsorted(unique, opposite), len(unique) - 1)
-    paired = (unique[at] == opposite) & (count[at] == 1) & (count[np.searchsorted(unique, code)] == 1)
-    loose = np.bincount(np.tile(shell, 3), weights=~paired, minlength=shell_count)
-    shell_closed = loose == 0
+    shell, shell_closed = _shells(triangles, len(vertices))
+    loose = np.flatnonzero(~shell_closed[shell])
+    if len(loose):
+        again, again_closed = _shells(_weld(vertices, triangles[loose], owner[loose]), len(vertices))
+        shell[loose] = again + len(shell_closed)
+        shell_closed = np.concatenate([shell_closed, again_closed])
+    shell_count = len(shell_closed)
 
     corner = vertices[triangles]
     reference = np.zeros((shell_count, 3))
@@ -67,6 +66,32 @@ def orient_outward(
     closed = np.ones(element_count, dtype=np.bool_)
     closed[owner[open_triangle]] = False
     return np.ascontiguousarray(both[order]), both_owner[order], both_transparent[order], closed
+
+
+def _shells(triangles: NDArray[np.int32], vertex_count: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Connected shell (T,) of each triangle, and (S,) whether a shell is closed."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).astype(np.int64)
+    graph = coo_array((np.ones(len(edges), dtype=np.int8), (edges[:, 0], edges[:, 1])), shape=(vertex_count,) * 2)
+    shell = connected_components(graph, directed=False)[1][triangles[:, 0]].astype(np.int64)
+    code = edges[:, 0] * vertex_count + edges[:, 1]
+    opposite = edges[:, 1] * vertex_count + edges[:, 0]
+    unique, count = np.unique(code, return_counts=True)
+    at = np.minimum(np.searchsorted(unique, opposite), len(unique) - 1)
+    paired = (unique[at] == opposite) & (count[at] == 1) & (count[np.searchsorted(unique, code)] == 1)
+    return shell, np.bincount(np.tile(shell, 3), weights=~paired) == 0
+
+
+def _weld(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int32], owner: NDArray[np.int32]
+) -> NDArray[np.int32]:
+    """(T, 3) the triangles with one vertex where an element has several in the same place.
+
+    The kernel gives some faces of a solid, such as those around a cut opening, vertices of their own.
+    """
+    used, first = np.unique(triangles, return_index=True)
+    place = np.column_stack([owner[first // 3], np.round(vertices[used] / WELD_M).astype(np.int64)])
+    _, one, group = np.unique(place, axis=0, return_index=True, return_inverse=True)
+    return used[one][group.ravel()][np.searchsorted(used, triangles)]
 
 
 def _cross(vertices: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:

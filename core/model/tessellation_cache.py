@@ -16,7 +16,7 @@ import numpy as np
 from ..files import whole_file
 from .elements import BuildingModel, Element, MapConversion
 
-FORMAT = 2
+FORMAT = 3
 """Raised whenever what is stored, or how surfaces are made, changes."""
 KEEP_FILES = 64
 
@@ -68,7 +68,7 @@ def read(cache_key: str, source: Path) -> BuildingModel | None:
                 skipped=tuple(meta["skipped"]),
                 project_name=meta["project_name"],
             )
-    except (OSError, KeyError, ValueError, TypeError, zipfile.BadZipFile):
+    except (OSError, EOFError, KeyError, ValueError, TypeError, zipfile.BadZipFile):
         return None
 
 

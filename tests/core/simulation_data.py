@@ -36,6 +36,7 @@ def room() -> BuildingModel:
         triangles=np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
         triangle_element=np.repeat(np.arange(len(shapes), dtype=np.int32), [len(s) for s in shapes]),
         closed=np.ones(len(shapes), dtype=np.bool_),
+        transparent=np.zeros(count, dtype=np.bool_),
     )
 
 
