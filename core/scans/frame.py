@@ -6,7 +6,7 @@ import numpy as np
 
 from ..alignment.transform import TransformedSource, from_parts
 from ..errors import BimVerifyError
-from ..model.elements import BuildingModel
+from ..model.elements import BuildingModel, MapConversion
 from ..options import ScanFrame
 from .campaign import ScanSource
 
@@ -33,7 +33,7 @@ def to_model_frame(model: BuildingModel, source: ScanSource, frame: ScanFrame) -
     ):
         return source
     middle = model.bounds.mean(axis=0) + model.origin
-    turn = (conversion.to_model(np.eye(3)) - conversion.to_model(np.zeros((1, 3)))).T * conversion.scale
+    turn = MapConversion(np.zeros(3), conversion.angle, 1.0).to_model(np.eye(3)).T
     there = conversion.to_map(middle[None, :])[0]
     return TransformedSource(source, from_parts(turn, middle - turn @ there))
 
