@@ -33,6 +33,10 @@ PIP_PLATFORMS = {
 BLENDER_NUMPY = {"3.11": "1.24.3", "3.13": "2.3.4"}
 """The oldest NumPy in a Blender with that Python (4.2 LTS; 5.1). Compiled wheels must accept it."""
 
+INSTEAD = {"macos-x64": {"numba": ["numba>=0.62"], "pye57": []}}
+"""What a platform gets in place of the project's own requirement. For Intel Macs numba has no newer wheels and pye57 none;
+without it E57 files are read, but ``simulate`` and ``demo`` cannot write one."""
+
 IN_BLENDER = {"numpy"}
 """Comes with Blender; a second copy could clash with it."""
 
@@ -55,9 +59,7 @@ def main() -> int:
         for platform in options.platforms.split(","):
             wheels = options.wheels or Path(scratch) / "wheels"
             try:
-                found = [
-                    w for python in options.pythons.split(",") for w in collect(platform, python, wheels / platform)
-                ]
+                found = [w for python in options.pythons.split(",") for w in collect(platform, python, wheels / platform)]
                 target = build(platform, sorted(set(found)), Path(scratch) / f"stage_{platform}", options)
             except subprocess.CalledProcessError as error:
                 print(f"{platform}: failed\n{error.stdout}", file=sys.stderr)
@@ -67,11 +69,13 @@ def main() -> int:
     return 1 if failed else 0
 
 
-def requirements() -> list[str]:
+def requirements(platform: str) -> list[str]:
     """What the package needs at run time inside Blender, from pyproject.toml."""
     with (ROOT / "pyproject.toml").open("rb") as stream:
         declared = tomllib.load(stream)["project"]["dependencies"]
-    return [line for line in declared if name_of(line) not in IN_BLENDER | NOT_INSIDE]
+    instead = INSTEAD.get(platform, {})
+    wanted = [line for line in declared if name_of(line) not in IN_BLENDER | NOT_INSIDE]
+    return [used for line in wanted for used in instead.get(name_of(line), [line])]
 
 
 def name_of(requirement: str) -> str:
@@ -87,15 +91,13 @@ def collect(platform: str, python: str, folder: Path) -> list[Path]:
     tags = [part for tag in PIP_PLATFORMS[platform] for part in ("--platform", tag)]
     pip = [sys.executable, "-m", "pip", "download", "--quiet", "--only-binary=:all:", "--dest", str(place)]
     target = [*tags, "--python-version", python, "--implementation", "cp"]
-    run([*pip, *target, *requirements(), f"numpy=={BLENDER_NUMPY[python]}"])
+    run([*pip, *target, *requirements(platform), f"numpy=={BLENDER_NUMPY[python]}"])
     return [wheel for wheel in place.glob("*.whl") if name_of(wheel.name.split("-")[0]) not in IN_BLENDER]
 
 
 def build(platform: str, wheels: list[Path], stage: Path, options: argparse.Namespace) -> Path:
     """Stage the code with its wheels and an adapted manifest, build the zip and validate it."""
-    skipped = shutil.ignore_patterns(
-        ".*", "__pycache__", "tests", "docs", "build", "dist", "demo", "*.egg-info", "*.zip"
-    )
+    skipped = shutil.ignore_patterns(".*", "__pycache__", "tests", "docs", "build", "dist", "demo", "*.egg-info", "*.zip")
     shutil.copytree(ROOT, stage, ignore=skipped)
     (stage / "wheels").mkdir()
     for wheel in wheels:

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import ModuleType
 
 CHECKOUT = Path(__file__).resolve().parent.parent
-EXTENSION = "bim_verify"
+NAME = "bim_verify"
 
 
 def run(command: str) -> None:
@@ -46,43 +46,36 @@ def package() -> ModuleType:
 
     Inside Blender the libraries it needs come with the extension, wherever the code itself is taken from.
     """
-    add_extension_wheels()
+    repositories = extension_repositories()
     if (CHECKOUT / "core").is_dir() and (CHECKOUT / "__init__.py").is_file():
         return load_checkout()
-    if importlib.util.find_spec("bim_verify") is not None:
-        return importlib.import_module("bim_verify")
-    for name in enabled_extensions():
-        if name.rpartition(".")[2] == EXTENSION:
+    if importlib.util.find_spec(NAME) is not None:
+        return importlib.import_module(NAME)
+    for repository in repositories:
+        name = f"bl_ext.{repository}.{NAME}"
+        if importlib.util.find_spec(name) is not None:
             return importlib.import_module(name)
     raise ImportError("no package of that name is installed")
 
 
 def load_checkout() -> ModuleType:
     """The folder above as the package ``bim_verify``, whatever the folder is called."""
-    spec = importlib.util.spec_from_file_location(
-        "bim_verify", CHECKOUT / "__init__.py", submodule_search_locations=[str(CHECKOUT)]
-    )
+    spec = importlib.util.spec_from_file_location(NAME, CHECKOUT / "__init__.py", submodule_search_locations=[str(CHECKOUT)])
     if spec is None or spec.loader is None:
         raise ImportError(f"{CHECKOUT} is no package")
     module = importlib.util.module_from_spec(spec)
-    sys.modules["bim_verify"] = module
+    sys.modules[NAME] = module
     spec.loader.exec_module(module)
     return module
 
 
-def enabled_extensions() -> list[str]:
-    """Module names of what is enabled in Blender's preferences; empty without Blender."""
-    try:
-        import bpy
-    except ImportError:
+def extension_repositories() -> list[str]:
+    """Blender's extension repositories; none without Blender.
+
+    Importing ``bpy`` also puts the wheels of the installed extensions on the import path.
+    """
+    if importlib.util.find_spec("bpy") is None:
         return []
-    return list(bpy.context.preferences.addons.keys())
-
-
-def add_extension_wheels() -> None:
-    """With the ``bpy`` module, make the wheels of installed extensions importable; a Blender executable has done so."""
-    if importlib.util.find_spec("bpy") is None or importlib.util.find_spec("ifcopenshell") is not None:
-        return
     import bpy
 
-    bpy.ops.wm.read_userpref()
+    return [repository.module for repository in bpy.context.preferences.extensions.repos]
