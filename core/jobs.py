@@ -148,7 +148,7 @@ def _threads(wanted: int) -> Iterator[None]:
 
     before = numba.get_num_threads()
     if wanted:
-        numba.set_num_threads(min(wanted, numba.config.NUMBA_NUM_THREADS))
+        numba.set_num_threads(min(wanted, before))
     try:
         yield
     finally:
