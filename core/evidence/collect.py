@@ -116,5 +116,5 @@ def look(
                 queries.element[row], queries.triangle[row], queries.shift[row], surfaces,
             )
         )
-    seen = Sightings.join(parts)
-    return seen.rows(np.lexsort([seen.station, seen.sample]))
+    seen: Sightings = Sightings.join(parts)
+    return seen.rows(np.lexsort((seen.station, seen.sample)))

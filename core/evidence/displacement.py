@@ -122,7 +122,7 @@ def block_means(sightings: Sightings, sigma: float) -> Blocks:
     _, block, count = np.unique(key, axis=0, return_inverse=True, return_counts=True)
     block = block.ravel()
     mean = np.bincount(block, residual) / count
-    direction = np.column_stack([np.bincount(block, normal[:, k]) for k in range(3)])
+    direction = np.column_stack([np.bincount(block, normal[:, k]).astype(np.float64) for k in range(3)])
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     apart = residual - mean[block]
     freedom = max(len(residual) - len(count), 0)

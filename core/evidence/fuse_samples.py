@@ -36,7 +36,7 @@ def fuse_samples(
         kept = station_reliability(half_zone, shared_sigma, cap)
         occ, emp = kept * masses[:, 0], kept * masses[:, 1]
         logs = np.column_stack([np.log1p(-emp), np.log1p(-occ), np.log(1.0 - occ - emp)])
-    total = np.column_stack([np.bincount(own.sample, logs[:, k], minlength=count) for k in range(3)])
+    total = np.column_stack([np.bincount(own.sample, logs[:, k], minlength=count).astype(np.float64) for k in range(3)])
     fused, conflict = from_log_commonality(total[:, 0], total[:, 1], total[:, 2])
     if rule in RULES and RULES[rule] is not RULES["dempster"]:
         fused = fused * (1.0 - conflict[:, None])

@@ -17,7 +17,7 @@ SMALLEST = 1e-300
 
 def conflict(first: Masses, second: Masses) -> NDArray[np.float64]:
     """k = m1(emp) m2(occ) + m1(occ) m2(emp)."""
-    return first[..., 1] * second[..., 0] + first[..., 0] * second[..., 1]
+    return np.asarray(first[..., 1] * second[..., 0] + first[..., 0] * second[..., 1], dtype=np.float64)
 
 
 def conjunctive(first: Masses, second: Masses) -> Masses:

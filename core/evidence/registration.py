@@ -40,9 +40,9 @@ def estimate_registration_sigma(seen: Sightings, samples: SurfaceSamples, sigma:
             freedom.append(f)
     if sum(freedom) < LEAST_PAIRS:
         return FALLBACK_M
-    s2, f = np.array(square), np.array(freedom, dtype=np.float64)
-    limit = WINSOR**2 * max(float(np.median(s2)), 1e-12)
-    return float(np.sqrt(max(np.average(np.minimum(s2, limit), weights=f), 0.0)))
+    variance, weight = np.array(square), np.array(freedom, dtype=np.float64)
+    limit = WINSOR**2 * max(float(np.median(variance)), 1e-12)
+    return float(np.sqrt(max(np.average(np.minimum(variance, limit), weights=weight), 0.0)))
 
 
 def _faces(own: Sightings, sigma: float) -> list[tuple[float, int]]:

@@ -219,7 +219,7 @@ def _neighbour_angles(
 
 
 @njit(cache=True, nogil=True)
-def _hash(p: NDArray[np.uint64]) -> int:
+def _hash(p: NDArray[np.uint64]) -> np.uint64:
     h = np.uint64(0x9E3779B97F4A7C15)
     for k in range(3):
         h ^= p[k]
@@ -229,7 +229,7 @@ def _hash(p: NDArray[np.uint64]) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _probes(bits: NDArray[np.uint64], below: int) -> NDArray[np.bool_]:
+def _probes(bits: NDArray[np.uint64], below: np.uint64) -> NDArray[np.bool_]:
     out = np.zeros(len(bits), np.bool_)
     for i in range(len(bits)):
         out[i] = _hash(bits[i]) < below
