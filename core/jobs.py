@@ -39,6 +39,9 @@ from .scans.store import ReturnStore
 from .sensing.loa import UPPER_BOUND_M, level_sigma
 from .sensing.presets import PRESETS, ZONE_SIGMAS
 
+NEAR_M = 1.0
+"""A return within this distance of the model's box comes near it."""
+
 
 @dataclass
 class Stopwatch:
@@ -120,7 +123,7 @@ def _verify(
             explain_within=min(UPPER_BOUND_M[options.loa], Thresholds.explain_within) + 2 * options.sigma,
         )
         seen = scenery.look(scenery.plan_queries(), progress.part(0.4, 0.75))
-        if not len(seen):
+        if not _concerns(model, seen):
             raise BimVerifyError(_far_away(model, source))
         context = _context(scenery, seen, options, record)
         seen = with_glass(scenery, seen, samples.triangle[seen.sample], context.see_through)
@@ -185,6 +188,13 @@ def _context(scenery: Scenery, seen: Sightings, options: VerifyOptions, record: 
         see_through=looks_through_glass(scenery, seen, window), thresholds=thresholds,
         station_names=tuple(s.name for s in scenery.stations.stations),
     )
+
+
+def _concerns(model: BuildingModel, seen: Sightings) -> bool:
+    """Whether any return lies near the model or behind a part of it: rays of a scan elsewhere all end far before it."""
+    low, high = model.bounds
+    near = ((seen.point >= low - NEAR_M) & (seen.point <= high + NEAR_M)).all(axis=1)
+    return bool(near.any() or (seen.deviation < 0).any())
 
 
 def _far_away(model: BuildingModel, source: ScanSource) -> str:
