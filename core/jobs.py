@@ -17,13 +17,13 @@ from .alignment.transform import TransformedSource
 from .errors import BimVerifyError
 from .evidence import decide
 from .evidence.collect import StationIndexes
-from .evidence.decide import Context, Place
+from .evidence.decide import Context
 from .evidence.fuse_samples import fuse_samples
 from .evidence.gather import SensorModel
 from .evidence.registration import estimate_registration_sigma
 from .evidence.sightings import Sightings
 from .evidence.thresholds import Thresholds
-from .evidence.verify import Scenery, looks_through_glass, places, with_glass
+from .evidence.verify import Findings, Scenery, looks_through_glass, places, with_glass
 from .model.elements import BuildingModel
 from .model.load import load_model
 from .model.on_element import ElementSurfaces
@@ -127,22 +127,22 @@ def _verify(
             raise BimVerifyError(_far_away(model, source))
         context = _context(scenery, seen, options, record)
         seen = with_glass(scenery, seen, samples.triangle[seen.sample], context.see_through)
+        watch.lap("evidence")
+        found = places(scenery, seen, context, progress.part(0.75, 1.0))
         evidence = fuse_samples(
-            len(samples), seen, options.fusion, ZONE_SIGMAS * level_sigma(options.loa), context.registration_sigma,
+            len(samples), found.seen, options.fusion, ZONE_SIGMAS * level_sigma(options.loa), context.registration_sigma,
             context.thresholds.conflict_cap, options.sigma, context.window,
         )
-        watch.lap("evidence")
-        plans, best = places(scenery, seen, context, progress.part(0.75, 1.0))
         watch.lap("decision")
         result = VerificationResult(
-            model=model, options=options, verdicts=(), samples=samples, evidence=evidence,
+            model=model, options=options, verdicts=(), samples=found.samples, evidence=evidence,
             stations=_station_records(store, stations, context), alignment=record, scan_paths=source.paths,
             scan_date=max((s.acquired for s in store.stations), default=""),
             method=f"bim_verify {__version__} {options.fusion}/{options.preset}",
             dropped={k: int(v) for k, v in vars(source.dropped).items() if not k.startswith("_")},
             timings=watch.seconds, warnings=tuple(_warnings(scenery, context, options)),
         )
-        return replace(result, verdicts=tuple(_conclude(scenery, result, plans, best, context)))
+        return replace(result, verdicts=tuple(_conclude(result, found, context)))
 
 
 @contextmanager
@@ -207,13 +207,11 @@ def _far_away(model: BuildingModel, source: ScanSource) -> str:
     )
 
 
-def _conclude(
-    scenery: Scenery, result: VerificationResult, plans: list[Place], best: list[Place], context: Context
-) -> Iterator[ElementVerdict]:
-    first: NDArray[np.int64] = np.searchsorted(scenery.samples.element, np.arange(len(plans) + 1))
-    for e, (plan, place) in enumerate(zip(plans, best, strict=True)):
+def _conclude(result: VerificationResult, found: Findings, context: Context) -> Iterator[ElementVerdict]:
+    first: NDArray[np.int64] = np.searchsorted(found.samples.element, np.arange(len(found.plans) + 1))
+    for e, (plan, place) in enumerate(zip(found.plans, found.best, strict=True)):
         rows = slice(int(first[e]), int(first[e + 1]))
-        yield decide.conclude(e, scenery.model, scenery.samples, rows, result.evidence, plan, place, context)
+        yield decide.conclude(e, result.model, found.samples, rows, result.evidence, plan, place, context)
 
 
 def _station_records(store: ReturnStore, stations: StationIndexes, context: Context) -> tuple[StationRecord, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..model.elements import BuildingModel
 from ..model.on_element import ElementSurfaces
 from ..model.raycast import RayScene
+from ..model.sample_surface import is_exposed
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from .collect import Queries, StationIndexes, look
@@ -18,6 +19,8 @@ from .gather import SensorModel
 from .outline import RING_M, ring
 from .sightings import AT, BEYOND, Sightings, explain
 
+COVER_M = 0.05
+"""What lies this close around an element may be hidden by it."""
 MOST_PROBES = 1500
 """Query positions of an element that test a shifted place: shares to a few percent."""
 
@@ -76,26 +79,62 @@ def looks_through_glass(scenery: Scenery, seen: Sightings, window: float) -> boo
     return bool(np.sum(state == BEYOND) > np.sum(state == AT))
 
 
-def places(
-    scenery: Scenery, seen: Sightings, context: Context, progress: Progress
-) -> tuple[list[Place], list[Place]]:
-    """For each element its planned place and the place that fits best.
+@dataclass(frozen=True)
+class Findings:
+    """For each element its planned place and the place that fits best, and the sightings behind both."""
 
-    Two rounds: the second knows which elements were found moved or absent, so that what a moved slab explains is no
-    longer taken for its neighbours.
+    plans: list[Place]
+    best: list[Place]
+    samples: SurfaceSamples
+    """With the positions that were uncovered by what is missing."""
+    seen: Sightings
+
+
+def places(scenery: Scenery, seen: Sightings, context: Context, progress: Progress) -> Findings:
+    """Find where each element stands, in two rounds.
+
+    The second round knows which elements were found moved or absent: what a moved slab explains is no longer taken for
+    its neighbours, and what an absent covering hid is looked at.
     """
-    element = scenery.samples.element[seen.sample]
-    seen = scenery.explain(seen, element, None)
+    seen = scenery.explain(seen, scenery.samples.element[seen.sample], None)
     plans, best = _round(scenery, seen, context, None, progress.part(0.0, 0.5))
-    moved = [k for k, place in enumerate(best) if place is not plans[k] or place.share < context.thresholds.absent_share]
+    t = context.thresholds
+    moved = [
+        k for k, place in enumerate(best)
+        if place is not plans[k] or (place.share <= t.absent_share and place.sightings >= t.least_sightings)
+    ]
     if not moved:
-        return plans, best
+        return Findings(plans, best, scenery.samples, seen)
     shift = np.zeros((len(plans), 3))
     for k in moved:
         shift[k] = best[k].fit.vector if best[k] is not plans[k] else np.nan
     as_built = RayScene(scenery.model, shift)
-    seen = scenery.explain(seen, element, as_built)
-    return _round(scenery, seen, context, as_built, progress.part(0.5, 1.0))
+    scenery, uncovered = _uncover(scenery, as_built, moved, context)
+    seen = Sightings.join([seen, uncovered])
+    seen = seen.rows(np.lexsort((seen.station, seen.sample)))
+    seen = scenery.explain(seen, scenery.samples.element[seen.sample], as_built)
+    return Findings(*_round(scenery, seen, context, as_built, progress.part(0.5, 1.0)), scenery.samples, seen)
+
+
+def _uncover(
+    scenery: Scenery, as_built: RayScene, moved: list[int], context: Context
+) -> tuple[Scenery, Sightings]:
+    """Positions that only a moved or absent element hid count from now on; returns what was seen at them."""
+    s = scenery.samples
+    near = np.zeros(len(s), dtype=np.bool_)
+    for k in moved:
+        own = slice(*np.searchsorted(s.element, [k, k + 1]))
+        if own.start < own.stop:
+            low, high = s.position[own].min(axis=0) - COVER_M, s.position[own].max(axis=0) + COVER_M
+            near |= ((s.position >= low) & (s.position <= high)).all(axis=1)
+    row = np.flatnonzero(near & ~s.exposed)
+    row = row[is_exposed(scenery.model, as_built, s.position[row], s.normal[row], s.element[row])]
+    exposed = s.exposed.copy()
+    exposed[row] = True
+    scenery = replace(scenery, samples=replace(s, exposed=exposed))
+    queries = Queries(row, s.position[row], s.normal[row], s.element[row], s.triangle[row], np.zeros((len(row), 3)))
+    seen = scenery.look(queries, Progress())
+    return scenery, with_glass(scenery, seen, s.triangle[seen.sample], context.see_through)
 
 
 def _round(

@@ -59,7 +59,7 @@ def sample_surface(
         area=(element_area / np.maximum(count, 1))[element],
         element=element,
         triangle=triangle.astype(np.int32),
-        exposed=drop_shared(model, scene, position, normal, element, _exposed(model, scene, position, normal, element)),
+        exposed=drop_shared(model, scene, position, normal, element, is_exposed(model, scene, position, normal, element)),
     )
 
 
@@ -69,13 +69,17 @@ def _r2_sequence(index: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray
     return (0.5 + index / g) % 1.0, (0.5 + index / g**2) % 1.0
 
 
-def _exposed(
+def is_exposed(
     model: BuildingModel,
     scene: RayScene,
     position: NDArray[np.float64],
     normal: NDArray[np.float64],
     element: NDArray[np.int32],
 ) -> NDArray[np.bool_]:
+    """(N,) whether a line of sight of at least 0.5 m leaves a position (N, 3), and no other element encloses or touches it.
+
+    ``scene`` may show the elements elsewhere than ``model`` plans them.
+    """
     exposed = np.ones(len(position), dtype=np.bool_)
     for begin in range(0, len(position), 1_000_000):
         part = slice(begin, begin + 1_000_000)
