@@ -45,7 +45,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     model = load_model(make_ifc(folder / "model.ifc"), cache=False, threads=1)
     stand = STAND - model.origin
     write_campaign(Campaign(model, SCANNER, (set_up("S", stand, 1, 0),), {}, (), 1), folder)
-    off = dataclasses.replace(model, origin=model.origin + [1000.0, 0.0, 0.0])
+    off = dataclasses.replace(model, origin=model.origin + np.array([1000.0, 0.0, 0.0]))
     write_campaign(Campaign(off, SCANNER, (set_up("S", stand, 1, 0),), {}, (), 1), folder / "off")
     whole = (folder / "scan.e57").read_bytes()
     (folder / "truncated.e57").write_bytes(whole[: len(whole) // 2])
@@ -207,7 +207,8 @@ def test_interrupting_leaves_nothing(data: Path, place: Path) -> None:
 @pytest.mark.parametrize(
     "arguments",
     [
-        (), ("nothing",), ("verify",), ("verify", "a.ifc", "b.e57"), ("verify", "a.ifc", "b.e57", "--out", "c.ifc", "--loa", "33"),
+        (), ("nothing",), ("verify",), ("verify", "a.ifc", "b.e57"),
+        ("verify", "a.ifc", "b.e57", "--out", "c.ifc", "--loa", "33"),
         ("verify", "a.ifc", "b.e57", "--out", "c.ifc", "--threads", "many"), ("info",), ("info", "a.e57", "--unknown"),
     ],
 )  # fmt: skip
