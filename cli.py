@@ -9,6 +9,7 @@ import signal
 import sys
 import threading
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from . import __version__
@@ -33,6 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         with _interruptible(progress):
             for key in ("json", "blend"):
                 if target := getattr(arguments, key, None):
+                    _refuse_input(target, command, values)
                     check_writable(target)
             outcome = command.run(values, progress)
             _write_extras(outcome, values.get("json"), arguments.blend)
@@ -54,6 +56,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     for line in outcome.lines:
         print(line)
     return DONE
+
+
+def _refuse_input(target: str, command: Command, values: dict[str, Any]) -> None:
+    """An output must not be one of the files given by position: those are read and never written to."""
+    for argument in command.arguments:
+        given = values[argument.key] if not argument.name.startswith("-") else []
+        if Path(target).resolve() in {Path(p).resolve() for p in (given if argument.many else [given] if given else [])}:
+            raise BimVerifyError(f"{target} is an input and is never written to; give another name for the output.")
 
 
 def _fail(bar: _Bar | None, message: str, code: int) -> int:

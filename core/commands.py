@@ -7,6 +7,8 @@ defaults and help from here.
 from __future__ import annotations
 
 import json
+import math
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -88,9 +90,14 @@ def parse_origin(text: str | None) -> tuple[float, float, float] | None:
 
 def verify_options(values: Values) -> VerifyOptions:
     """Options of a verification from a command's values."""
-    if values["sigma_mm"] <= 0 or values["spacing_mm"] <= 0 or values["memory_gb"] <= 0:
-        raise BimVerifyError("--sigma-mm, --spacing-mm and --memory-gb must be larger than zero.")
+    for key in ("sigma_mm", "spacing_mm", "memory_gb"):
+        if not 0 < values[key] < math.inf:
+            raise BimVerifyError(f"--{key.replace('_', '-')} must be a number larger than zero, not {values[key]:g}.")
     registration = values["registration_sigma_mm"]
+    if registration is not None and not 0 <= registration < math.inf:
+        raise BimVerifyError(f"--registration-sigma-mm must be zero or more, not {registration:g}.")
+    if values["threads"] < 0:
+        raise BimVerifyError(f"--threads must be zero (all) or more, not {values['threads']}.")
     return VerifyOptions(
         loa=values["loa"],
         sigma=values["sigma_mm"] / 1000,
@@ -117,6 +124,8 @@ def _verify(values: Values, progress: Progress) -> Outcome:
     options = verify_options(values)
     outputs = [values[key] for key in ("out", "samples") if values[key]]
     _check_outputs([values["model"], *values["scan"]], outputs)
+    if values["report"]:
+        _check_folder(values["report"])
     result = verify(values["model"], values["scan"], options, progress.part(0.0, 0.85))
     write_verified_ifc(values["model"], result, values["out"])
     if values["samples"]:
@@ -150,6 +159,16 @@ def _check_outputs(inputs: list[str], outputs: list[str]) -> None:
         if Path(output).resolve() in given:
             raise BimVerifyError(f"{output} is an input and is never written to; give another name for the output.")
         check_writable(output)
+
+
+def _check_folder(path: str) -> None:
+    """Refuse a folder for outputs that is not there and cannot be made, before any work is done."""
+    folder = Path(path)
+    there = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+    if not there.is_dir():
+        raise BimVerifyError(f"Cannot write to the folder {folder}: {there} is a file. Choose another place.")
+    if not os.access(there, os.W_OK):
+        raise BimVerifyError(f"Cannot write to the folder {folder}: no permission in {there}. Choose another place.")
 
 
 def _simulate(values: Values, progress: Progress) -> Outcome:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import json
 import os
 import sys
@@ -92,17 +93,19 @@ def write(cache_key: str, model: BuildingModel) -> None:
     }
     with contextlib.suppress(Exception):
         folder().mkdir(parents=True, exist_ok=True)
+        packed = io.BytesIO()  # a ZipFile whose disk fills up complains on stderr when it is collected
+        np.savez(
+            packed,
+            meta=np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8),
+            origin=model.origin,
+            vertices=model.vertices,
+            triangles=model.triangles,
+            triangle_element=model.triangle_element,
+            closed=model.closed,
+            transparent=model.transparent,
+        )
         with whole_file(folder() / f"{cache_key}.npz") as path:
-            np.savez(
-                path,
-                meta=np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8),
-                origin=model.origin,
-                vertices=model.vertices,
-                triangles=model.triangles,
-                triangle_element=model.triangle_element,
-                closed=model.closed,
-                transparent=model.transparent,
-            )
+            path.write_bytes(packed.getbuffer())
         _forget_oldest()
 
 

@@ -42,7 +42,7 @@ PLAN: dict[str, tuple[str, tuple[float, float, float], tuple[float, float, float
 
 STATIONS = np.array([[2.4, 1.9, 1.5], [4.9, 1.2, 1.35], [3.4, 3.3, 1.6], [8.0, 1.4, 1.5], [11.0, 2.8, 1.4]])
 SCANNER = Scanner(
-    "test", math.radians(1.2), sigma_range=0.0012, sigma_signal=0.0002, sigma_angle=2e-5, beam_exit_diameter=0.003
+    "test", math.radians(1.0), sigma_range=0.0012, sigma_signal=0.0002, sigma_angle=2e-5, beam_exit_diameter=0.003
 )
 OPTIONS = VerifyOptions(sigma=0.0013, sample_spacing=0.2)
 
