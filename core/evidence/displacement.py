@@ -97,10 +97,10 @@ def fit_shift(sightings: Sightings, sigma: float) -> Shift:
     gain = np.linalg.solve(_normal_matrix(a, weight), (a * weight[:, None]).T)
     residual = d - a @ shift
     freedom = max(float(robust.sum()) - len(basis), 1.0)
-    expected = blocks.variance + uneven2
-    scatter = float((robust * residual**2 / expected).sum()) / freedom
-    widening = max(scatter, 1.0) * (float(student.ppf(0.975, freedom)) / 1.96) ** 2
-    covariance = widening * (gain * expected) @ gain.T
+    # a block may be worse than most: its variance is what was expected or what is seen, whichever is larger
+    variance = np.maximum(blocks.variance + uneven2, robust * residual**2)
+    widening = (float(student.ppf(0.975, freedom)) / 1.96) ** 2
+    covariance = widening * (gain * variance) @ gain.T
     registration = np.zeros((len(basis), len(basis)))
     for station in np.unique(blocks.station):
         of = blocks.station == station
