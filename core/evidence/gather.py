@@ -14,7 +14,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from ..sensing.presets import LOGISTIC, ZONE_SIGMAS, MassParameters
-from .masses import ray_masses
+from .masses import log_one_minus, ray_masses
 from .station_index import StationIndex, azimuth_half_width, column_runs, row_range
 
 CUT = 5.0
@@ -136,10 +136,14 @@ def _gather(
                     best, best_dy2, best_range = j, dy2, reach
                 if dy2 <= mass_reach2:
                     occ, emp = ray_masses(along - reach, dy2, c, lam, kappa)
-                    if occ + emp > SMALLEST_MASS:
-                        sum_occ += int(math.log1p(-min(emp, 1.0 - SMALLEST_UNKNOWN)) * LOG_SCALE)
-                        sum_emp += int(math.log1p(-min(occ, 1.0 - SMALLEST_UNKNOWN)) * LOG_SCALE)
-                        sum_unk += int(math.log(max(1.0 - occ - emp, SMALLEST_UNKNOWN)) * LOG_SCALE)
+                    known = occ + emp
+                    if known > SMALLEST_MASS:
+                        log_unknown = (
+                            log_one_minus(known) if known < 1e-3 else math.log(max(1.0 - occ - emp, SMALLEST_UNKNOWN))
+                        )
+                        sum_occ += int(log_one_minus(min(emp, 1.0 - SMALLEST_UNKNOWN)) * LOG_SCALE)
+                        sum_emp += int(log_one_minus(min(occ, 1.0 - SMALLEST_UNKNOWN)) * LOG_SCALE)
+                        sum_unk += int(log_unknown * LOG_SCALE)
         log_occ[i] = sum_occ / LOG_SCALE
         log_emp[i] = sum_emp / LOG_SCALE
         log_unk[i] = sum_unk / LOG_SCALE

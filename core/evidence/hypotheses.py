@@ -19,12 +19,12 @@ def face_groups(normal: NDArray[np.float64], weight: NDArray[np.float64]) -> tup
     group = np.full(len(normal), -1, dtype=np.int64)
     directions: list[NDArray[np.float64]] = []
     free = np.ones(len(normal), dtype=np.bool_)
+    bins = _direction_bin(normal)
     while free.any() and len(directions) < MOST_FACES:
-        rounded, inverse = np.unique(np.round(normal[free] * 8).astype(np.int64), axis=0, return_inverse=True)
         if not (weight[free] > 0).any():
             break
-        heaviest = int(np.argmax(np.bincount(inverse.ravel(), weight[free], minlength=len(rounded))))
-        seed = normal[free][inverse.ravel() == heaviest].mean(axis=0)
+        heaviest = int(np.argmax(np.bincount(bins[free], weight[free])))
+        seed = normal[free & (bins == heaviest)].mean(axis=0)
         seed /= np.linalg.norm(seed)
         member = free & (normal @ seed > FACE_COSINE)
         if not member.any():
@@ -34,6 +34,13 @@ def face_groups(normal: NDArray[np.float64], weight: NDArray[np.float64]) -> tup
         directions.append(mean / np.linalg.norm(mean))
         free &= ~member
     return group, np.array(directions).reshape(-1, 3)
+
+
+def _direction_bin(normal: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(M,) number of the cell, an eighth wide along each axis, that each unit normal (M, 3) falls into."""
+    x, y, z = np.clip(np.round(np.nan_to_num(normal) * 8).astype(np.int64) + 8, 0, 16).T
+    cell: NDArray[np.int64] = (x * 17 + y) * 17 + z
+    return cell
 
 
 def candidate_shifts(

@@ -26,13 +26,30 @@ def logistic(x: float) -> float:
     return e / (1.0 + e)
 
 
+FAR_FROM_STEP = 40.0
+"""s(-40) is 4e-18: beside 1 it is nothing in double precision."""
+
+
 @njit(cache=True, nogil=True, inline="always")
 def ray_masses(dx: float, dy2: float, c: float, lam: float, kappa: float) -> tuple[float, float]:
     """(m_occ, m_emp) of one return; dx [m], dy2 [m2], lam [1/m], kappa [1/m2]."""
+    step = lam * dx
+    if step - c > FAR_FROM_STEP:
+        return 0.0, 0.0
     g = math.exp(-kappa * dy2)
-    upper = logistic(lam * dx + c)
-    lower = logistic(lam * dx - c)
+    if step + c < -FAR_FROM_STEP:
+        return 0.0, g
+    upper = logistic(step + c)
+    lower = logistic(step - c)
     return (upper - lower) * g, (1.0 - upper) * g
+
+
+@njit(cache=True, nogil=True, inline="always")
+def log_one_minus(x: float) -> float:
+    """log(1 - x) for 0 <= x < 1 to double precision; most masses are small, and need no logarithm."""
+    if x < 1e-3:
+        return -x * (1.0 + x * (0.5 + x * (1.0 / 3.0 + x * (0.25 + x * (0.2 + x / 6.0)))))
+    return math.log1p(-x)
 
 
 @njit(cache=True, nogil=True)

@@ -58,8 +58,8 @@ class Sightings:
         passed = np.where(self.glass, THROUGH_GLASS, BEYOND)
         return np.where(own, AT, np.where(self.deviation < 0, passed, FRONT)).astype(np.uint8)
 
-    def rows(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Sightings:
-        """A subset."""
+    def rows(self, chosen: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Sightings:
+        """A subset; a slice of rows shares memory with the whole."""
         return Sightings(**{name: value[chosen] for name, value in vars(self).items()})
 
     @staticmethod

@@ -146,7 +146,7 @@ def _round(
     edge = np.searchsorted(seen.sample, first)
     plans, asked = [], []
     for e in range(count):
-        part = seen.rows(np.arange(edge[e], edge[e + 1]))
+        part = seen.rows(slice(edge[e], edge[e + 1]))
         local = part.sample.astype(np.int64)
         plans.append(assess_place(np.zeros(3), part, samples.area[local], context))
         asked += [(e, shift) for shift in propose(part, local, samples, context)]
@@ -193,11 +193,11 @@ def _probe(
     found: dict[int, list[Place]] = {}
     for k, (e, shift) in enumerate(asked):
         a, b = np.searchsorted(seen.sample, [start[k], start[k + 1]])
-        part = seen.rows(np.arange(a, b))
+        part = seen.rows(slice(a, b))
         local = sample[part.sample]
         place = assess_place(shift, part, samples.area[local] * (seen_of[k] / size[k]), context)
         a, b = np.searchsorted(seen.sample, [ring_start[k], ring_start[k + 1]])
-        if not _goes_on(seen.rows(np.arange(a, b)), context):
+        if not _goes_on(seen.rows(slice(a, b)), context):
             found.setdefault(e, []).append(place)
     return found
 
