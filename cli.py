@@ -61,8 +61,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _refuse_input(target: str, command: Command, values: dict[str, Any]) -> None:
     """An output must not be one of the files given by position: those are read and never written to."""
     for argument in command.arguments:
-        given = values[argument.key] if not argument.name.startswith("-") else []
-        if Path(target).resolve() in {Path(p).resolve() for p in (given if argument.many else [given] if given else [])}:
+        if argument.name.startswith("-"):
+            continue
+        given: list[str] = values[argument.key] if argument.many else [values[argument.key]]
+        if Path(target).resolve() in {Path(path).resolve() for path in given}:
             raise BimVerifyError(f"{target} is an input and is never written to; give another name for the output.")
 
 

@@ -103,7 +103,7 @@ class Job(Generic[T]):
             context.workspace.status_text_set(None)
         _redraw(context)
 
-    def _finished(self, context: bpy.types.Context, value: T) -> set[str]:
+    def _finished(self, context: bpy.types.Context, value: Any) -> set[str]:
         try:
             message = self.finish(context, value)
         except Exception as error:
