@@ -109,7 +109,7 @@ def _verify(
 ) -> VerificationResult:
     progress.update(0.0, "Spreading query positions over the model")
     scene = RayScene(model)
-    samples = sample_surface(model, options.sample_spacing, scene=scene)
+    samples = sample_surface(model, options.sample_spacing, scene=scene, cache=options.cache)
     watch.lap("query positions")
     record = align(model, samples, source, options, progress.part(0.05, 0.2))
     if options.align != "none":

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..model.on_element import ElementSurfaces
 from ..model.raycast import RayScene
+from ..parallel import in_chunks
 from .gather import StationEvidence
 from .station_index import StationIndex
 
@@ -141,19 +142,22 @@ def explain(
     """
     explained = np.zeros(len(seen), dtype=np.bool_)
     doubtful = np.flatnonzero((np.abs(seen.deviation) > sigma) & ~seen.explained)
-    if not len(doubtful):
-        return explained
-    point = seen.point[doubtful].astype(np.float64)
-    ray = point - stations[seen.station[doubtful]]
-    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
     back = within / GRAZE
-    hits = scene.all_hits(point - back * ray, ray, 2 * back, most=8)
-    for distance, triangle, entering in zip(hits.distance, hits.triangle, hits.entering, strict=True):
-        met = (triangle >= 0) & entering
-        if but_not is not None:
-            met &= scene.element[triangle] != but_not[doubtful]
-        facing = np.abs(np.einsum("ij,ij->i", ray, scene.normal[triangle]))
-        with np.errstate(invalid="ignore"):
-            away = np.abs(distance - back) * facing
-        explained[doubtful] |= met & (away <= within) & (away + sigma < np.abs(seen.deviation[doubtful]))
+
+    def work(part: slice) -> None:
+        row = doubtful[part]
+        point = seen.point[row].astype(np.float64)
+        ray = point - stations[seen.station[row]]
+        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+        hits = scene.all_hits(point - back * ray, ray, 2 * back, most=8)
+        for distance, triangle, entering in zip(hits.distance, hits.triangle, hits.entering, strict=True):
+            met = (triangle >= 0) & entering
+            if but_not is not None:
+                met &= scene.element[triangle] != but_not[row]
+            facing = np.abs(np.einsum("ij,ij->i", ray, scene.normal[triangle]))
+            with np.errstate(invalid="ignore"):
+                away = np.abs(distance - back) * facing
+            explained[row] |= met & (away <= within) & (away + sigma < np.abs(seen.deviation[row]))
+
+    in_chunks(len(doubtful), work)
     return explained

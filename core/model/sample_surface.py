@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..parallel import in_chunks
+from . import exposure_cache
 from .elements import BuildingModel
 from .raycast import RayScene
 from .samples import SurfaceSamples
@@ -24,13 +26,15 @@ OFFSET_M = 5e-4
 
 
 def sample_surface(
-    model: BuildingModel, spacing: float = 0.02, *, scene: RayScene | None = None, most: int = MOST
+    model: BuildingModel, spacing: float = 0.02, *, scene: RayScene | None = None, most: int = MOST,
+    cache: bool = False,
 ) -> SurfaceSamples:
     """Spread query positions over every element, ``spacing`` metres apart or closer on small elements.
 
     Positions follow a low-discrepancy sequence over the triangles in proportion to their area, so the result depends on
     the model alone. A position is not ``exposed`` when another element encloses or touches it, when no line of sight of at
-    least 0.5 m leaves it, or when it is the inner side of an open sheet that sees only its own element.
+    least 0.5 m leaves it, or when it is the inner side of an open sheet that sees only its own element. With ``cache``
+    that answer is kept between runs.
     """
     scene = scene or RayScene(model)
     corner = model.vertices[model.triangles]
@@ -53,13 +57,20 @@ def sample_surface(
     p = corner[triangle]
     position = p[:, 0] + u[:, None] * (p[:, 1] - p[:, 0]) + v[:, None] * (p[:, 2] - p[:, 0])
     normal = scene.normal[triangle]
+    key = exposure_cache.key(model, spacing, most) if cache else ""
+    exposed = exposure_cache.read(key, len(element)) if cache else None
+    if exposed is None:
+        exposed = is_exposed(model, scene, position, normal, element)
+        exposed = drop_shared(model, scene, position, normal, element, exposed)
+        if cache:
+            exposure_cache.write(key, exposed)
     return SurfaceSamples(
         position=position,
         normal=normal,
         area=(element_area / np.maximum(count, 1))[element],
         element=element,
         triangle=triangle.astype(np.int32),
-        exposed=drop_shared(model, scene, position, normal, element, is_exposed(model, scene, position, normal, element)),
+        exposed=exposed,
     )
 
 
@@ -81,9 +92,11 @@ def is_exposed(
     ``scene`` may show the elements elsewhere than ``model`` plans them.
     """
     exposed = np.ones(len(position), dtype=np.bool_)
-    for begin in range(0, len(position), 1_000_000):
-        part = slice(begin, begin + 1_000_000)
+
+    def work(part: slice) -> None:
         exposed[part] = _exposed_part(model, scene, position[part], normal[part], element[part])
+
+    in_chunks(len(position), work)
     return exposed
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..parallel import in_chunks
 from .elements import BuildingModel
 from .raycast import RayScene
 
@@ -28,9 +29,12 @@ def drop_shared(
     Such a position is exposed, so the other element's face lies in this one's: a rafter flush with the slab around it.
     """
     shared = np.zeros(len(position), dtype=np.bool_)
-    for begin in range(0, len(position), 1_000_000):
-        row = begin + np.flatnonzero(exposed[begin : begin + 1_000_000])
+
+    def work(part: slice) -> None:
+        row = part.start + np.flatnonzero(exposed[part])
         shared[row] = inside_another(model, scene, position[row] - DEPTH_M * normal[row], -normal[row], element[row])
+
+    in_chunks(len(position), work)
     own = np.bincount(element, weights=exposed & ~shared, minlength=len(model.elements))
     whole = np.bincount(element, weights=exposed, minlength=len(model.elements))
     enough = own >= OWN_SHARE * np.maximum(whole, 1)
