@@ -14,6 +14,9 @@ Array = NDArray[np.float64]
 
 BLOCK_M = 0.25
 """Size of the blocks over which unevenness is taken as one common error (correlation length of plaster and formwork)."""
+CLUSTERS_M = (0.5, 1.0)
+"""Larger pieces of surface that may share an error too, tried against the blocks; the largest covariance counts."""
+LEAST_CLUSTERS = 8
 LEAST_SHARE = 0.05
 """A direction is determined when at least this share of the evidence lies on faces across it."""
 LEAST_ACROSS = 3.0
@@ -54,6 +57,8 @@ class Blocks:
     """(B,) metres."""
     normal: Array
     """(B, 3)"""
+    point: Array
+    """(B, 3) metres, local frame."""
     station: NDArray[np.int64]
     variance: Array
     """(B,) of the mean, from the returns' own scatter, m2."""
@@ -101,6 +106,10 @@ def fit_shift(sightings: Sightings, sigma: float) -> Shift:
     variance = np.maximum(blocks.variance + uneven2, robust * residual**2)
     widening = (float(student.ppf(0.975, freedom)) / 1.96) ** 2
     covariance = widening * (gain * variance) @ gain.T
+    for size_m in CLUSTERS_M:
+        wider = _clustered(gain * (robust > 0) * residual, blocks, size_m)
+        if wider is not None and np.trace(wider) > np.trace(covariance):
+            covariance = wider
     registration = np.zeros((len(basis), len(basis)))
     for station in np.unique(blocks.station):
         of = blocks.station == station
@@ -109,6 +118,22 @@ def fit_shift(sightings: Sightings, sigma: float) -> Shift:
     return Shift(
         basis.T @ shift, basis.T @ covariance @ basis, basis.T @ registration @ basis, basis, float(np.sqrt(uneven2))
     )
+
+
+def _clustered(influence: Array, blocks: Blocks, size_m: float) -> Array | None:
+    """(K, K) covariance when all blocks of a face within ``size_m``, whatever the station, share their error.
+
+    ``influence`` (K, B) is what each block's residual adds to the shift. None with too few clusters to tell.
+    """
+    key = np.column_stack([np.floor(blocks.point / size_m).astype(np.int64), np.round(blocks.normal * 3).astype(np.int64)])
+    _, cluster = np.unique(key, axis=0, return_inverse=True)
+    count = int(cluster.max()) + 1
+    if count < LEAST_CLUSTERS:
+        return None
+    total = np.stack([np.bincount(cluster.ravel(), row, minlength=count) for row in influence])
+    freedom = count - len(influence)
+    widening = count / freedom * (float(student.ppf(0.975, freedom)) / 1.96) ** 2
+    return widening * np.asarray(total @ total.T, dtype=np.float64)
 
 
 def block_means(sightings: Sightings, sigma: float) -> Blocks:
@@ -129,7 +154,8 @@ def block_means(sightings: Sightings, sigma: float) -> Blocks:
     pooled2 = (sigma**2 * 4 + float((apart**2).sum())) / (4 + freedom)
     of_station = np.zeros(len(count), dtype=np.int64)
     of_station[block] = station
-    return Blocks(mean, direction, of_station, pooled2 / count, count.astype(np.float64))
+    place = np.column_stack([np.bincount(block, point[:, k]) / count for k in range(3)])
+    return Blocks(mean, direction, place, of_station, pooled2 / count, count.astype(np.float64))
 
 
 def _normal_matrix(a: Array, weight: Array) -> Array:
