@@ -10,16 +10,20 @@ from ..options import VerifyOptions
 from ..progress import Progress
 from ..results import AlignmentRecord
 from ..scans.campaign import ScanSource
-from .auto import align_auto
-from .fine import align_fine
 
 
 def align(
     model: BuildingModel, samples: SurfaceSamples, source: ScanSource, options: VerifyOptions, progress: Progress
 ) -> AlignmentRecord:
-    """The pose of the scans that ``options.align`` asks for; with ``none`` they stay where they are."""
+    """The pose of the scans that ``options.align`` asks for; with ``none`` they stay where they are.
+
+    What searches for a pose is loaded only when a pose is searched for: it takes a second.
+    """
     if options.align == "none":
         return AlignmentRecord("none", np.eye(4), None)
+    from .auto import align_auto
+    from .fine import align_fine
+
     if options.align == "auto":
         return align_auto(
             model, samples, source, sigma=options.sigma, loa=options.loa, seed=options.seed, progress=progress

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from ..errors import BimVerifyError
 from ..scans.campaign import DropCount, ReturnBlock, ScanSource, Station
@@ -53,12 +52,16 @@ def exp_about(twist: Matrix, center: Matrix) -> Matrix:
     x -> R(rx, ry, rz) (x - center) + center + t, with R the exponential of the rotation vector. This is the motion that
     the covariance of an AlignmentRecord is about.
     """
+    from scipy.spatial.transform import Rotation
+
     rotation = Rotation.from_rotvec(twist[:3]).as_matrix()
     return from_parts(rotation, center + twist[3:] - rotation @ center)
 
 
 def log_about(transform: Matrix, center: Matrix) -> Matrix:
     """(6,) inverse of :func:`exp_about`."""
+    from scipy.spatial.transform import Rotation
+
     turn = transform[:3, :3]
     shift = turn @ center + transform[:3, 3] - center
     return np.concatenate([Rotation.from_matrix(turn).as_rotvec(), shift])
