@@ -109,9 +109,7 @@ MODES: tuple[Mode, ...] = (
         _belief,
         lambda _: [(name.capitalize(), color) for name, color in palette.BELIEF_COLORS.items()],
     ),
-    Mode(
-        "DEVIATION", "Deviation", "Signed distance of the scan from the planned surface", _deviation, _deviation_legend
-    ),
+    Mode("DEVIATION", "Deviation", "Signed distance of the scan from the planned surface", _deviation, _deviation_legend),
     Mode(
         "LOA",
         "Level reached",

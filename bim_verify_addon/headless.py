@@ -13,16 +13,14 @@ from .properties import DEFAULT_DISPLAY_VERTICES
 from .surface_grid import make_display
 
 
-def save_blend(
-    result: VerificationResult, path: str | Path, *, display_vertices: int = DEFAULT_DISPLAY_VERTICES
-) -> None:
+def save_blend(result: VerificationResult, path: str | Path, *, display_vertices: int = DEFAULT_DISPLAY_VERTICES) -> None:
     """Write a .blend file with every element of ``result``, coloured, ready to open and to render.
 
     What is open in this process is replaced by a new, empty file. ``display_vertices``: about how many vertices the
     coloured surfaces get together. Raises BimVerifyError when ``path`` cannot be written.
     """
     display = make_display(result, display_vertices)
-    with whole_file(path) as temporary:
+    with whole_file(Path(path).absolute()) as temporary:  # Blender has a folder of its own for relative paths
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         ours = not hasattr(bpy.types.Scene, "bim_verify")
         if ours:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar
 
 import bpy
 
@@ -19,6 +19,31 @@ from .session import SESSION, RunningJob
 T = TypeVar("T")
 Work = Callable[[Progress], T]
 TICK_S = 0.1
+LONGEST_WAIT_S = 10.0
+"""For a job to notice that Blender ends it; compiled code cannot be stopped half-way."""
+
+
+class Worker(Generic[T]):
+    """The thread of one job. It never touches the operator, which Blender may free while the work still runs."""
+
+    def __init__(self, title: str, work: Work[T]) -> None:
+        self.job = RunningJob(title)
+        self.progress = Progress(self._note)
+        self.outcome: T | BaseException = Cancelled()
+        self._before = SESSION.ending
+        self.thread = threading.Thread(target=self._run, args=(work,), name=title, daemon=True)
+
+    def _run(self, work: Work[T]) -> None:
+        try:
+            if self._before is not None:
+                self.job.message = "Waiting for the cancelled job to stop"
+                self._before.join()
+            self.outcome = work(self.progress)
+        except BaseException as error:
+            self.outcome = error
+
+    def _note(self, fraction: float, message: str, seconds_left: float | None) -> None:
+        self.job.fraction, self.job.message, self.job.seconds_left = fraction, message, seconds_left
 
 
 class Job(Generic[T]):
@@ -55,46 +80,39 @@ class Job(Generic[T]):
             work = self.prepare(context)
         except Exception as error:
             return self._failed(error)
-        self._job = SESSION.job = RunningJob(self.title)
-        self._progress = Progress(self._note)
-        self._outcome: tuple[str, Any] | None = None
-        self._thread = threading.Thread(target=self._run, args=(work,), name=self.title, daemon=True)
+        self._worker = Worker(self.title, work)
+        SESSION.job = self._worker.job
         self._timer = context.window_manager.event_timer_add(TICK_S, window=context.window)
         context.window_manager.modal_handler_add(self)
-        self._thread.start()
+        self._worker.thread.start()
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Show progress; notice Esc; hand over when the thread has ended."""
         if event.type == "ESC" and event.value == "PRESS":
-            self._progress.cancel.set()
-            self._job.message = "Stopping"
-            return {"RUNNING_MODAL"}
+            self._leave(context)
+            return self._failed(Cancelled())
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        if self._thread.is_alive():
-            context.workspace.status_text_set(status_line(self._job))
+        if self._worker.thread.is_alive():
+            context.workspace.status_text_set(status_line(self._worker.job))
             _redraw(context)
             return {"PASS_THROUGH"}
         self._close(context)
-        kind, value = self._outcome or ("error", Cancelled())
-        return self._finished(context, value) if kind == "value" else self._failed(value)
+        outcome = self._worker.outcome
+        return self._failed(outcome) if isinstance(outcome, BaseException) else self._finished(context, outcome)
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender ends the operator (another file is opened, Blender quits)."""
-        if getattr(self, "_thread", None) is not None:
-            self._progress.cancel.set()
-            self._thread.join()
-            self._close(context)
+        if hasattr(self, "_worker"):
+            self._leave(context)
+            self._worker.thread.join(LONGEST_WAIT_S)
 
-    def _run(self, work: Work[T]) -> None:
-        try:
-            self._outcome = ("value", work(self._progress))
-        except BaseException as error:
-            self._outcome = ("error", error)
-
-    def _note(self, fraction: float, message: str, seconds_left: float | None) -> None:
-        self._job.fraction, self._job.message, self._job.seconds_left = fraction, message, seconds_left
+    def _leave(self, context: bpy.types.Context) -> None:
+        """Stop the work at its next step and forget what it finds; the next job waits for it to end."""
+        self._worker.progress.cancel.set()
+        SESSION.ending = self._worker.thread
+        self._close(context)
 
     def _close(self, context: bpy.types.Context) -> None:
         SESSION.job = None

@@ -54,9 +54,7 @@ def _draw() -> None:
     width = max(blf.dimensions(0, text)[0] for text in (title, *(line[0] for line in lines))) + 3.2 * size
     left, bottom = MARGIN * scale, MARGIN * scale
     gpu.state.blend_set("ALPHA")
-    _rectangle(
-        left - 0.6 * size, bottom - 0.6 * size, width, (len(lines) + 1) * step + 0.8 * size, (0.1, 0.1, 0.1, 0.75)
-    )
+    _rectangle(left - 0.6 * size, bottom - 0.6 * size, width, (len(lines) + 1) * step + 0.8 * size, (0.1, 0.1, 0.1, 0.75))
     for row, (text, color) in enumerate(reversed(lines)):
         y = bottom + row * step
         _rectangle(left, y, size, size, (*color, 1.0))

@@ -15,9 +15,7 @@ class BimVerifyPreferences(bpy.types.AddonPreferences):
 
     bl_idname = PACKAGE
 
-    legend_size: IntProperty(
-        name="Legend size", default=12, min=8, max=32, description="Height of the legend's text, points"
-    )
+    legend_size: IntProperty(name="Legend size", default=12, min=8, max=32, description="Height of the legend's text, points")
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.prop(self, "legend_size")

@@ -44,9 +44,7 @@ def scanner_position(text: str) -> tuple[float, float, float] | None:
     try:
         x, y, z = (float(part) for part in text.replace(";", ",").split(","))
     except ValueError as error:
-        raise BimVerifyError(
-            f"The scanner position {text!r} is not X,Y,Z in metres. Write it like 1.5,2.0,1.7."
-        ) from error
+        raise BimVerifyError(f"The scanner position {text!r} is not X,Y,Z in metres. Write it like 1.5,2.0,1.7.") from error
     return x, y, z
 
 

@@ -137,9 +137,7 @@ class BimVerifySettings(bpy.types.PropertyGroup):
         precision=1,
         description="Distance between the places on the planned surface at which the scans are asked, millimetres",
     )
-    fusion: EnumProperty(
-        name="Fusion", items=FUSION_ITEMS, default=DEFAULTS.fusion, description="How evidence is combined"
-    )
+    fusion: EnumProperty(name="Fusion", items=FUSION_ITEMS, default=DEFAULTS.fusion, description="How evidence is combined")
     scan_frame: EnumProperty(
         name="Scan frame",
         items=SCAN_FRAME_ITEMS,
@@ -150,9 +148,7 @@ class BimVerifySettings(bpy.types.PropertyGroup):
         name="Scanner position",
         description="X,Y,Z in metres, for scan files that do not say where the scanner stood; empty: not known",
     )
-    threads: IntProperty(
-        name="Threads", default=DEFAULTS.threads, min=0, max=256, description="0: as many as the machine has"
-    )
+    threads: IntProperty(name="Threads", default=DEFAULTS.threads, min=0, max=256, description="0: as many as the machine has")
     memory_gb: FloatProperty(
         name="Memory (GB)",
         default=DEFAULTS.memory_gb,
@@ -190,9 +186,7 @@ class BimVerifySettings(bpy.types.PropertyGroup):
         update=_recolor,
     )
     show_legend: BoolProperty(name="Legend", default=True, description="Draw the meaning of the colours in the 3D view")
-    show_expert_scans: BoolProperty(
-        name="Expert settings", default=False, description="Settings that rarely need a change"
-    )
+    show_expert_scans: BoolProperty(name="Expert settings", default=False, description="Settings that rarely need a change")
     show_expert: BoolProperty(name="Expert settings", default=False, description="Settings that rarely need a change")
     counts: CollectionProperty(type=BimVerifyCount)
     result_summary: StringProperty()

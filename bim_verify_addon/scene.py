@@ -292,7 +292,5 @@ def _store_summary(scene: bpy.types.Scene, result: VerificationResult) -> None:
         entry = settings.counts.add()
         entry.status, entry.count = status, result.count(status)
     summary = result.summary()
-    settings.result_summary = (
-        f"{summary['elements']} elements, {100 * summary['coverage']:.0f} % of the surface observed"
-    )
+    settings.result_summary = f"{summary['elements']} elements, {100 * summary['coverage']:.0f} % of the surface observed"
     settings.result_note = "\n".join(result.warnings)

@@ -5,6 +5,7 @@ The scene properties name the files, so everything here can be made again; openi
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,8 @@ class Session:
     results: dict[str, VerificationResult] = field(default_factory=dict)
     alignments: dict[str, AlignmentRecord] = field(default_factory=dict)
     job: RunningJob | None = None
+    ending: threading.Thread | None = None
+    """A cancelled job that has not come to its next step yet."""
 
     def clear(self) -> None:
         """Forget everything (another file was opened, or the extension was disabled)."""

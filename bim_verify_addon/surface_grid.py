@@ -147,9 +147,7 @@ def interpolate(
             continue
         tree = cKDTree(np.hstack([samples.position[of], FACING_WEIGHT_M * samples.normal[of]]))
         k = min(NEAREST, of.stop - of.start)
-        distance, nearest = tree.query(
-            np.hstack([grid.vertices[at], FACING_WEIGHT_M * grid.normal[at]]), k=np.arange(1, k + 1)
-        )
+        distance, nearest = tree.query(np.hstack([grid.vertices[at], FACING_WEIGHT_M * grid.normal[at]]), k=np.arange(1, k + 1))
         floor = 0.1 * np.sqrt(samples.area[of].mean())
         weight = 1.0 / (np.square(distance) + floor**2)
         belief[at] = np.einsum("vk,vkc->vc", weight / weight.sum(axis=1, keepdims=True), known[of][nearest])

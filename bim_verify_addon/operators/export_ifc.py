@@ -22,9 +22,7 @@ class BIMVERIFY_OT_export_ifc(bpy.types.Operator):
 
     bl_idname = "bim_verify.export_ifc"
     bl_label = "Export IFC"
-    bl_description = (
-        "Write a copy of the IFC file with the verdicts as property sets; the imported file is never changed"
-    )
+    bl_description = "Write a copy of the IFC file with the verdicts as property sets; the imported file is never changed"
     bl_options = {"REGISTER"}
 
     filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file to write")

@@ -70,7 +70,7 @@ class BIMVERIFY_OT_import_ifc(Job["tuple[BuildingModel, NDArray[np.float64]]"], 
             scene.show_model(context.scene, model)
         scene.move_scans(context.scene, placement)
         settings.alignment_summary = ""
-        storeys = len({element.storey for element in model.elements})
+        storeys = len({element.storey for element in model.elements} - {""})
         settings.model_summary = (
             f"{len(model.elements)} elements in {storeys} storey{'s' if storeys != 1 else ''}, {model.schema}"
         )

@@ -47,9 +47,7 @@ class BIMVERIFY_PT_element(bpy.types.Panel):
         if verdict.displacement == verdict.displacement:
             shift += f" ± {millimetres(1.96 * verdict.displacement_sigma)}"
             shift += ", significant" if verdict.significant else ", not significant"
-        confirmed = dict(zip(LEVELS, verdict.confirmed_ratio, strict=True))[
-            int(verdict.required_loa.removeprefix("LOA"))
-        ]
+        confirmed = dict(zip(LEVELS, verdict.confirmed_ratio, strict=True))[int(verdict.required_loa.removeprefix("LOA"))]
         column = layout.column(align=True)
         column.scale_y = 0.8
         for name, value in (

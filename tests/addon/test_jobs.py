@@ -103,11 +103,36 @@ def test_escape_stops_the_work() -> None:
 
     operator, context = FakeOperator(work), fake_context()
     operator.start(context)
-    assert operator.modal(context, ESC) == {"RUNNING_MODAL"}
-    assert drive(operator, context) == {"CANCELLED"}
+    assert operator.modal(context, ESC) == {"CANCELLED"}
+    operator._worker.thread.join(20)
+    assert not operator._worker.thread.is_alive()
     assert operator.finished == []
     assert operator.reports == [({"WARNING"}, "Count was cancelled; nothing was changed.")]
     assert (SESSION.job, context.timers) == (None, [])
+
+
+def test_after_escape_the_next_job_waits_for_the_work_to_stop() -> None:
+    order: list[str] = []
+    release = threading.Event()
+
+    def stubborn(progress: Progress) -> int:
+        release.wait(20)
+        order.append("first")
+        return 1
+
+    def following(progress: Progress) -> int:
+        order.append("second")
+        return 2
+
+    first, second, context = FakeOperator(stubborn), FakeOperator(following), fake_context()
+    first.start(context)
+    assert first.modal(context, ESC) == {"CANCELLED"}
+    assert SESSION.job is None
+    second.start(context)
+    assert second.modal(context, TIMER) == {"PASS_THROUGH"}
+    release.set()
+    assert drive(second, context) == {"FINISHED"}
+    assert (order, first.finished, second.finished) == (["first", "second"], [], [2])
 
 
 def test_an_error_in_the_thread_is_one_sentence() -> None:
@@ -140,7 +165,7 @@ def test_blender_ending_the_operator_stops_the_thread() -> None:
     operator, context = FakeOperator(work), fake_context()
     operator.start(context)
     operator.cancel(context)
-    assert not operator._thread.is_alive()
+    assert not operator._worker.thread.is_alive()
     assert SESSION.job is None
 
 

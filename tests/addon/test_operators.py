@@ -34,8 +34,7 @@ def contents() -> dict[str, object]:
     settings = bpy.context.scene.bim_verify
     return {
         "objects": {
-            o.name: (len(o.data.vertices), tuple(o.location), sorted(o.data.attributes.keys()))
-            for o in bpy.data.objects
+            o.name: (len(o.data.vertices), tuple(o.location), sorted(o.data.attributes.keys())) for o in bpy.data.objects
         },
         "meshes": sorted(m.name for m in bpy.data.meshes),
         "collections": sorted(c.name for c in bpy.data.collections),
@@ -54,9 +53,7 @@ def prepared(blender: bpy.types.Scene, house: Path, scan: Path) -> bpy.types.Sce
     return blender
 
 
-def test_import_ifc_makes_named_objects_in_storeys(
-    blender: bpy.types.Scene, house: Path, house_model: BuildingModel
-) -> None:
+def test_import_ifc_makes_named_objects_in_storeys(blender: bpy.types.Scene, house: Path, house_model: BuildingModel) -> None:
     assert ops.import_ifc(filepath=str(house)) == {"FINISHED"}
     found = scene.element_objects(blender)
     assert set(found) == {e.global_id for e in house_model.elements}
@@ -257,9 +254,7 @@ def broken(error: Exception) -> Callable[..., VerificationResult]:
     return verify
 
 
-def test_a_failed_job_says_one_sentence_and_changes_nothing(
-    prepared: bpy.types.Scene, verification: Verification
-) -> None:
+def test_a_failed_job_says_one_sentence_and_changes_nothing(prepared: bpy.types.Scene, verification: Verification) -> None:
     verification(broken(BimVerifyError("The scan lies 1 km off. Align it first.")))
     before = contents()
     with pytest.raises(RuntimeError, match="The scan lies 1 km off"):

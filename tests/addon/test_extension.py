@@ -1,0 +1,83 @@
+"""The extension as users get it: manifest, zip, install in a clean profile, a verification without network.
+
+The last is slow (it downloads and unpacks all wheels) and runs where ``BIM_VERIFY_SLOW_TESTS`` is set.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import bpy
+import pytest
+
+import bim_verify
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+TOOL = Path(bpy.utils.system_resource("SCRIPTS")) / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
+PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
+
+slow = pytest.mark.skipif(not os.environ.get("BIM_VERIFY_SLOW_TESTS"), reason="set BIM_VERIFY_SLOW_TESTS to run it")
+
+USE = """
+import os, sys, bpy, addon_utils
+scratch, house, scan = sys.argv[1:4]
+names = [n for n in os.listdir(scratch) if n.endswith(".zip")]
+bpy.ops.extensions.package_install_files(filepath=os.path.join(scratch, names[0]), repo="user_default", enable_on_install=True)
+assert "bl_ext.user_default.bim_verify" in bpy.context.preferences.addons, "not enabled"
+import numba
+assert numba.__file__.startswith(os.environ["BLENDER_USER_RESOURCES"]), numba.__file__
+ops = bpy.ops.bim_verify
+bpy.context.scene.bim_verify.origin = "2.0,1.5,1.4"
+bpy.context.scene.bim_verify.spacing_mm = 50
+assert ops.import_ifc(filepath=house) == {"FINISHED"}
+assert ops.import_scan(filepath=scan) == {"FINISHED"}
+assert ops.verify() == {"FINISHED"}
+assert ops.export_ifc(filepath=os.path.join(scratch, "out.ifc")) == {"FINISHED"}
+assert os.environ["NUMBA_CACHE_DIR"].startswith(os.environ["BLENDER_USER_RESOURCES"])
+addon_utils.disable("bl_ext.user_default.bim_verify")
+assert not hasattr(bpy.types.Scene, "bim_verify")
+print("verified", flush=True)
+os._exit(0)
+"""
+
+
+def test_manifest_is_valid_and_agrees_with_the_package(tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, str(TOOL), "validate", str(ROOT)], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
+    assert (manifest["id"], manifest["version"]) == ("bim_verify", bim_verify.__version__)
+    assert manifest["blender_version_min"] == "4.2.0"
+    assert set(manifest["permissions"]) == {"files"}
+
+
+def test_zip_holds_the_code_and_no_tests(tmp_path: Path) -> None:
+    command = [sys.executable, str(TOOL), "build", "--source-dir", str(ROOT), "--output-filepath", str(tmp_path / "b.zip")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    names = zipfile.ZipFile(tmp_path / "b.zip").namelist()
+    assert {"__init__.py", "blender_manifest.toml", "core/results.py", "bim_verify_addon/registration.py"} <= set(names)
+    assert not [n for n in names if n.startswith(("tests/", "docs/", ".")) or "__pycache__" in n or n.endswith(".blend")]
+
+
+@slow
+def test_installs_in_a_clean_profile_and_verifies_without_network(house: Path, scan: Path, tmp_path: Path) -> None:
+    scratch, profile = tmp_path / "scratch", tmp_path / "profile"
+    scratch.mkdir()
+    profile.mkdir()
+    platform = {"linux": "linux-x64", "win32": "windows-x64"}.get(sys.platform, "macos-arm64")
+    build = [sys.executable, str(ROOT / "scripts" / "build_extension.py"), "--out", str(scratch)]
+    subprocess.run([*build, "--platforms", platform, "--pythons", PYTHON], check=True, timeout=900)
+    keep = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "NUMBA_CACHE_DIR")}
+    offline = {"HTTP_PROXY": "http://127.0.0.1:9", "HTTPS_PROXY": "http://127.0.0.1:9", "NO_PROXY": ""}
+    done = subprocess.run(
+        [sys.executable, "-c", USE, str(scratch), str(house), str(scan)],
+        env={**keep, **offline, "BLENDER_USER_RESOURCES": str(profile)},
+        capture_output=True, text=True, timeout=900,
+    )  # fmt: skip
+    assert "verified" in done.stdout, done.stdout + done.stderr
+    assert (scratch / "out.ifc").is_file()
