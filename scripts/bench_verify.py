@@ -56,9 +56,13 @@ def main() -> None:
     parser.add_argument("--memory-gb", type=float, default=3.0)
     parser.add_argument("--quick", action="store_true", help="one million returns only")
     parser.add_argument("--one", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--make", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     model = dense_building()
     spacing = float(np.sqrt(surface(model) / arguments.queries))
+    if arguments.make:
+        print(make_scan(model, arguments.million_returns[0], arguments.make))
+        return
     if arguments.one:
         verify_once(model, arguments.one, spacing, arguments.memory_gb)
         return
@@ -68,10 +72,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_mesh(folder / "mesh.ply", model)
-        make_scan(model, 0.2, folder)
+        scan_run(folder, 0.2)
         own_run(folder, arguments)  # compiles the kernels and fills the caches
         for million in sizes:
-            count = make_scan(model, million, folder)
+            count = scan_run(folder, million)
             print(f"\n{count:,} returns (load {os.getloadavg()[0]:.1f})", flush=True)
             own = own_run(folder, arguments)
             found = json.loads(own.output)
@@ -130,6 +134,12 @@ def write_mesh(path: Path, model: BuildingModel) -> None:
         f"property float z\nelement face {len(face)}\nproperty list uchar int vertex_indices\nend_header\n"
     )
     path.write_bytes(header.encode() + model.vertices.astype("<f4").tobytes() + face.tobytes())
+
+
+def scan_run(folder: Path, million: float) -> int:
+    """``make_scan`` in a new process: this one must stay small, since a process counts its parent's memory as its own."""
+    command = [sys.executable, str(Path(__file__).resolve()), "--make", str(folder), "--million-returns", str(million)]
+    return int(run(command, folder).output)
 
 
 def own_run(folder: Path, arguments: argparse.Namespace) -> Run:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..sensing.presets import LOGISTIC, ZONE_SIGMAS, MassParameters
 from .masses import log_one_minus, ray_masses
-from .station_index import StationIndex, azimuth_half_width, column_runs, row_range
+from .station_index import StationIndex, azimuth_half_width, azimuth_range, column_runs, row_range
 
 CUT = 5.0
 """Point spacings around the line of sight: exp(-ln2 CUT^2) = 3e-8."""
@@ -118,20 +118,23 @@ def _gather(
         near_reach2 = (NEAR_CUT * distance * spacing_rad) ** 2
         radius = math.asin(min(math.sqrt(max(mass_reach2, near_reach2)) / distance, 1.0))
         half = azimuth_half_width(q, radius)
-        azimuth = math.atan2(q[1], q[0])
+        begin, end = azimuth_range(q, half)
         first, last = row_range(q, radius, rows)
         sum_occ = sum_emp = sum_unk = 0
         best, best_dy2, best_range = -1, near_reach2, 0.0
+        outside = distance2 - 1.001 * max(mass_reach2, near_reach2)  # (q.r0)^2 of rays that pass too far away
         for row in range(first, last + 1):
-            a, b, d, e = column_runs(azimuth, half, row, row_start, bin_start)
+            a, b, d, e = column_runs(begin, end, half, row, row_start, bin_start)
             for m in range(b - a + e - d):
                 j = a + m if m < b - a else d + m - (b - a)
                 p = returns[j]
-                reach = math.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
-                along = (q[0] * p[0] + q[1] * p[1] + q[2] * p[2]) / reach
-                dy2 = max(distance2 - along * along, 0.0)
-                if along <= 0.0:
+                reach2 = p[0] * p[0] + p[1] * p[1] + p[2] * p[2]
+                product = q[0] * p[0] + q[1] * p[1] + q[2] * p[2]
+                if product <= 0.0 or product * product < outside * reach2:
                     continue
+                reach = math.sqrt(reach2)
+                along = product / reach
+                dy2 = max(distance2 - along * along, 0.0)
                 if dy2 < best_dy2 or (dy2 == best_dy2 and best >= 0 and reach < best_range):
                     best, best_dy2, best_range = j, dy2, reach
                 if dy2 <= mass_reach2:
@@ -155,9 +158,10 @@ def _gather(
         total, members = 0, 0
         radius = math.asin(min(math.sqrt(near_reach2) / distance, 1.0))
         half = azimuth_half_width(q, radius)
+        begin, end = azimuth_range(q, half)
         first, last = row_range(q, radius, rows)
         for row in range(first, last + 1):
-            a, b, d, e = column_runs(azimuth, half, row, row_start, bin_start)
+            a, b, d, e = column_runs(begin, end, half, row, row_start, bin_start)
             for m in range(b - a + e - d):
                 j = a + m if m < b - a else d + m - (b - a)
                 p = returns[j]

@@ -155,17 +155,27 @@ def azimuth_half_width(q: NDArray[np.float64], radius: float) -> float:
     return math.pi if s >= cosine or radius >= 0.5 * math.pi else math.asin(s / cosine)
 
 
+@njit(cache=True, nogil=True, inline="always")
+def azimuth_range(q: NDArray[np.float64], half: float) -> tuple[float, float]:
+    """Where the azimuths within ``half`` [rad] of the direction q begin and end, as shares of the full turn."""
+    azimuth = math.atan2(q[1], q[0])
+    return (
+        pseudo_azimuth(math.cos(azimuth - half), math.sin(azimuth - half)) * 0.25,
+        pseudo_azimuth(math.cos(azimuth + half), math.sin(azimuth + half)) * 0.25,
+    )
+
+
 @njit(cache=True, nogil=True)
 def column_runs(
-    azimuth: float, half: float, row: int, row_start: NDArray[np.int64], bin_start: NDArray[np.int64]
+    begin: float, end: float, half: float, row: int, row_start: NDArray[np.int64], bin_start: NDArray[np.int64]
 ) -> tuple[int, int, int, int]:
-    """The returns of a row within ``half`` of an azimuth, as two runs [a, b) and [c, d) (the second where it wraps)."""
+    """The returns of a row in an ``azimuth_range``, as two runs [a, b) and [c, d) (the second where it wraps)."""
     base = row_start[row]
     columns = row_start[row + 1] - base
     if half >= math.pi * 0.999:
         return bin_start[base], bin_start[base + columns], 0, 0
-    first = _column(math.cos(azimuth - half), math.sin(azimuth - half), columns)
-    last = _column(math.cos(azimuth + half), math.sin(azimuth + half), columns)
+    first = min(max(int(begin * columns), 0), columns - 1)
+    last = min(max(int(end * columns), 0), columns - 1)
     if first <= last and half < 0.5 * math.pi:
         return bin_start[base + first], bin_start[base + last + 1], 0, 0
     if first > last:
@@ -188,15 +198,15 @@ def _neighbour_angles(
     for i in prange(len(probe)):
         p = returns[probe[i]]
         length = math.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
-        azimuth = math.atan2(p[1], p[0])
         radius = start_radius
         best = np.empty(wanted + 1)
         for _ in range(8):
             best[:] = 10.0
             half = azimuth_half_width(p, radius)
+            begin, end = azimuth_range(p, half)
             first, last = row_range(p, radius, rows)
             for row in range(first, last + 1):
-                a, b, c, d = column_runs(azimuth, half, row, row_start, bin_start)
+                a, b, c, d = column_runs(begin, end, half, row, row_start, bin_start)
                 for k in range(b - a + d - c):
                     j = a + k if k < b - a else c + k - (b - a)
                     o = returns[j]
