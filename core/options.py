@@ -10,8 +10,23 @@ FusionRule = Literal["station", "dempster", "yager", "dubois-prade"]
 ScanFrame = Literal["auto", "model", "map"]
 
 
-@dataclass(frozen=True)
-class VerifyOptions:
+@dataclass(frozen=True, kw_only=True)
+class InputOptions:
+    """How inputs are read, and what a job may use; the options of every job have these."""
+
+    scan_frame: ScanFrame = "auto"
+    """Whether the scans are in the model's own frame or in that of its map conversion."""
+    origin: tuple[float, float, float] | None = None
+    """Scanner position for scan files that do not have any, metres, scan frame."""
+    threads: int = 0
+    """0: as many as the machine has."""
+    memory_gb: float = 3.0
+    cache: bool = True
+    """Keep tessellations between runs."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerifyOptions(InputOptions):
     """Options of ``jobs.verify``. Lengths in metres."""
 
     loa: int = 30
@@ -27,13 +42,4 @@ class VerifyOptions:
     """``station`` is the product's default (shared error discounted); the others are the named methods of the literature."""
     preset: str = "derived"
     """``derived``: kappa, c and lambda from point spacing and sensor sigma; else a named preset of sensing.presets."""
-    scan_frame: ScanFrame = "auto"
-    """Whether the scans are in the model's own frame or in that of its map conversion."""
-    origin: tuple[float, float, float] | None = None
-    """Scanner position for scan files that do not have any, metres, scan frame."""
-    threads: int = 0
-    """0: as many as the machine has."""
-    memory_gb: float = 3.0
-    cache: bool = True
-    """Keep tessellations between runs."""
     seed: int = 0

@@ -1,59 +1,42 @@
-"""The whole way, file to verdicts: what every face of the project calls."""
+"""The main job: the whole way from files to verdicts."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import __version__
-from .alignment.align import align
-from .alignment.transform import TransformedSource
-from .errors import BimVerifyError
-from .evidence import decide
-from .evidence.collect import StationIndexes
-from .evidence.decide import Context
-from .evidence.fuse_samples import fuse_samples
-from .evidence.gather import SensorModel
-from .evidence.registration import estimate_registration_sigma
-from .evidence.sightings import Sightings
-from .evidence.thresholds import Thresholds
-from .evidence.verify import Findings, Scenery, looks_through_glass, places, with_glass
-from .model.elements import BuildingModel
-from .model.load import load_model
-from .model.on_element import ElementSurfaces
-from .model.raycast import RayScene
-from .model.sample_surface import MOST, sample_surface
-from .options import VerifyOptions
-from .progress import Progress
-from .results import AlignmentRecord, ElementVerdict, StationRecord, VerificationResult
-from .scans.campaign import ScanSource
-from .scans.frame import to_model_frame
-from .scans.open import open_scans
-from .scans.store import ReturnStore
-from .sensing.loa import UPPER_BOUND_M, level_sigma
-from .sensing.presets import PRESETS, ZONE_SIGMAS
+from ... import __version__
+from ..alignment.align import align
+from ..alignment.transform import TransformedSource
+from ..errors import BimVerifyError
+from ..evidence import decide
+from ..evidence.collect import StationIndexes
+from ..evidence.decide import Context
+from ..evidence.fuse_samples import fuse_samples
+from ..evidence.gather import SensorModel
+from ..evidence.registration import estimate_registration_sigma
+from ..evidence.sightings import Sightings
+from ..evidence.thresholds import Thresholds
+from ..evidence.verify import Findings, Scenery, looks_through_glass, places, with_glass
+from ..model.elements import BuildingModel
+from ..model.on_element import ElementSurfaces
+from ..model.raycast import RayScene
+from ..model.sample_surface import MOST, sample_surface
+from ..options import VerifyOptions
+from ..progress import Progress
+from ..results import AlignmentRecord, ElementVerdict, StationRecord, VerificationResult
+from ..scans.campaign import ScanSource
+from ..scans.store import ReturnStore
+from ..sensing.loa import UPPER_BOUND_M, level_sigma
+from ..sensing.presets import PRESETS, ZONE_SIGMAS
+from .inputs import Stopwatch, limited_threads, open_campaign, open_model
 
 NEAR_M = 1.0
 """A return within this distance of the model's box comes near it."""
-
-
-@dataclass
-class Stopwatch:
-    """Seconds per stage."""
-
-    seconds: dict[str, float] = field(default_factory=dict)
-    _last: float = field(default_factory=time.perf_counter)
-
-    def lap(self, stage: str) -> None:
-        now = time.perf_counter()
-        self.seconds[stage] = now - self._last
-        self._last = now
 
 
 def verify(
@@ -70,14 +53,11 @@ def verify(
     """
     options = options or VerifyOptions()
     progress = progress or Progress()
-    with _threads(options.threads):
+    with limited_threads(options.threads):
         watch = Stopwatch()
-        if not isinstance(model, BuildingModel):
-            model = load_model(model, threads=options.threads, cache=options.cache, progress=progress.part(0.0, 0.1))
+        model = open_model(model, options, progress.part(0.0, 0.1))
         watch.lap("tessellation")
-        source = open_scans(scans, origin=options.origin) if isinstance(scans, Sequence) else scans
-        _check_stations(source)
-        source = to_model_frame(model, source, options.scan_frame)
+        source = open_campaign(model, scans, options)
         return _verify(model, source, options, progress.part(0.1, 1.0), watch)
 
 
@@ -93,12 +73,9 @@ def align_scans(
     BimVerifyError when a file cannot be used, or when the geometry does not fix the pose.
     """
     progress = progress or Progress()
-    with _threads(options.threads):
-        if not isinstance(model, BuildingModel):
-            model = load_model(model, threads=options.threads, cache=options.cache, progress=progress.part(0.0, 0.2))
-        source = open_scans(scans, origin=options.origin) if isinstance(scans, Sequence) else scans
-        _check_stations(source)
-        source = to_model_frame(model, source, options.scan_frame)
+    with limited_threads(options.threads):
+        model = open_model(model, options, progress.part(0.0, 0.2))
+        source = open_campaign(model, scans, options)
         progress.update(0.2, "Spreading query positions over the model")
         samples = sample_surface(model, options.sample_spacing)
         return align(model, samples, source, options, progress.part(0.3, 1.0))
@@ -143,29 +120,6 @@ def _verify(
             timings=watch.seconds, warnings=tuple(_warnings(scenery, context, options)),
         )
         return replace(result, verdicts=tuple(_conclude(result, found, context)))
-
-
-@contextmanager
-def _threads(wanted: int) -> Iterator[None]:
-    import numba
-
-    before = numba.get_num_threads()
-    if wanted:
-        numba.set_num_threads(min(wanted, before))
-    try:
-        yield
-    finally:
-        numba.set_num_threads(before)
-
-
-def _check_stations(source: ScanSource) -> None:
-    unknown = [s.name for s in source.stations if not s.known]
-    if unknown:
-        files = ", ".join(Path(p).name for p in source.paths)
-        raise BimVerifyError(
-            f"{files} names no scanner position ({len(unknown)} of {len(source.stations)} stations), and without one "
-            "nothing can be told from what a ray passed; give --origin X,Y,Z in metres, in the scan's own frame."
-        )
 
 
 def _sensor(options: VerifyOptions) -> SensorModel:

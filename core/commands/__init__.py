@@ -1,0 +1,12 @@
+"""One file a command; every face of the program is made from this table.
+
+The console script, ``blender --command bim_verify``, the headless scripts and the operators' settings all take names,
+defaults and help from here.
+"""
+
+from . import demo, info, simulate, verify
+from .table import Argument, Command, Outcome
+
+COMMANDS: tuple[Command, ...] = (verify.COMMAND, simulate.COMMAND, info.COMMAND, demo.COMMAND)
+
+__all__ = ["COMMANDS", "Argument", "Command", "Outcome"]

@@ -1,0 +1,39 @@
+"""What every command checks before it does any work: where it writes, and what a text means."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from ..errors import BimVerifyError
+from ..files import check_writable
+
+
+def parse_origin(text: str | None) -> tuple[float, float, float] | None:
+    """``X,Y,Z`` in metres."""
+    if not text:
+        return None
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise BimVerifyError(f"--origin takes three numbers X,Y,Z in metres, not {text!r}.") from error
+    return x, y, z
+
+
+def check_outputs(inputs: list[str], outputs: list[str]) -> None:
+    """Refuse outputs that cannot be written, or that are inputs, before any work is done."""
+    given = {Path(p).resolve() for p in inputs}
+    for output in outputs:
+        if Path(output).resolve() in given:
+            raise BimVerifyError(f"{output} is an input and is never written to; give another name for the output.")
+        check_writable(output)
+
+
+def check_folder(path: str) -> None:
+    """Refuse a folder for outputs that is not there and cannot be made, before any work is done."""
+    folder = Path(path)
+    there = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+    if not there.is_dir():
+        raise BimVerifyError(f"Cannot write to the folder {folder}: {there} is a file. Choose another place.")
+    if not os.access(there, os.W_OK):
+        raise BimVerifyError(f"Cannot write to the folder {folder}: no permission in {there}. Choose another place.")

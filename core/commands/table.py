@@ -1,0 +1,61 @@
+"""What a command is: its name, help, arguments and what it gives back; and the arguments that several share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..progress import Progress
+
+Values = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Argument:
+    """One argument of a command. A name with a leading ``--`` is an option, another one a file given by position."""
+
+    name: str
+    help: str
+    kind: type = str
+    default: Any = None
+    choices: tuple[Any, ...] = ()
+    many: bool = False
+    required: bool = False
+    flag: bool = False
+
+    @property
+    def key(self) -> str:
+        """Its name in the values handed to the command."""
+        return self.name.lstrip("-").replace("-", "_").lower()
+
+
+@dataclass
+class Outcome:
+    """What a command found: lines for a person, data for ``--json``, and the result that ``--blend`` shows, if any."""
+
+    lines: list[str]
+    data: Values = field(default_factory=dict)
+    result: Any = None
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command: ``run`` takes the arguments' values by key and a progress."""
+
+    name: str
+    help: str
+    arguments: tuple[Argument, ...]
+    run: Callable[[Values, Progress], Outcome]
+
+
+COMMON = (
+    Argument("--json", "write what was found to this file"),
+    Argument("--quiet", "show no progress", flag=True),
+    Argument("--threads", "processor threads to use (0: all)", int, 0),
+    Argument("--memory-gb", "memory for returns, gigabytes; beyond it they go to a temporary file", float, 3.0),
+    Argument("--no-cache", "tessellate the model anew and keep nothing", flag=True),
+)
+MODEL = Argument("MODEL", "IFC file (IFC2X3, IFC4, IFC4X3)", required=True)
+SCANS = Argument("SCAN", "E57, LAS/LAZ, PLY, PCD, PTS, PTX, XYZ/CSV or NPY files", many=True, required=True)
+ORIGIN = Argument("--origin", "X,Y,Z of the scanner in metres, for scan files that do not name it")

@@ -1,0 +1,113 @@
+"""``bim-verify verify``: the main job."""
+
+from __future__ import annotations
+
+import math
+
+from ..errors import BimVerifyError
+from ..options import VerifyOptions
+from ..progress import Progress
+from ..results import STATUSES, VerificationResult
+from ..sensing.presets import PRESETS
+from .checks import check_folder, check_outputs, parse_origin
+from .table import COMMON, MODEL, ORIGIN, SCANS, Argument, Command, Outcome, Values
+
+DEFAULT = VerifyOptions()
+
+
+def verify_options(values: Values) -> VerifyOptions:
+    """Options of a verification from a command's values."""
+    for key in ("sigma_mm", "spacing_mm", "memory_gb"):
+        if not 0 < values[key] < math.inf:
+            raise BimVerifyError(f"--{key.replace('_', '-')} must be a number larger than zero, not {values[key]:g}.")
+    registration = values["registration_sigma_mm"]
+    if registration is not None and not 0 <= registration < math.inf:
+        raise BimVerifyError(f"--registration-sigma-mm must be zero or more, not {registration:g}.")
+    if values["threads"] < 0:
+        raise BimVerifyError(f"--threads must be zero (all) or more, not {values['threads']}.")
+    return VerifyOptions(
+        loa=values["loa"],
+        sigma=values["sigma_mm"] / 1000,
+        registration_sigma=None if registration is None else registration / 1000,
+        align=values["align"],
+        sample_spacing=values["spacing_mm"] / 1000,
+        fusion=values["fusion"],
+        preset=values["preset"],
+        scan_frame=values["frame"],
+        origin=parse_origin(values["origin"]),
+        threads=values["threads"],
+        memory_gb=values["memory_gb"],
+        cache=not values["no_cache"],
+    )
+
+
+def _verify(values: Values, progress: Progress) -> Outcome:
+    from ..jobs import verify
+    from ..model.write_psets import write_verified_ifc
+    from ..report.html import write_report
+    from ..report.json_out import result_to_json
+    from ..report.samples_ply import write_samples
+
+    options = verify_options(values)
+    outputs = [values[key] for key in ("out", "samples") if values[key]]
+    check_outputs([values["model"], *values["scan"]], outputs)
+    if values["report"]:
+        check_folder(values["report"])
+    result = verify(values["model"], values["scan"], options, progress.part(0.0, 0.85))
+    write_verified_ifc(values["model"], result, values["out"])
+    if values["samples"]:
+        write_samples(values["samples"], result)
+    lines = summary_lines(result)
+    lines.append(f"Property sets: {values['out']}")
+    if values["report"]:
+        lines.append(f"Report: {write_report(values['report'], result, progress=progress.part(0.85, 1.0))}")
+    return Outcome(lines, result_to_json(result), result)
+
+
+def summary_lines(result: VerificationResult) -> list[str]:
+    """The result in a few lines for a person."""
+    summary = result.summary()
+    counts = ", ".join(f"{summary[status]} {status}" for status in STATUSES)
+    lines = [f"{summary['elements']} elements at LOA{result.options.loa}: {counts}."]
+    lines.append(f"{summary['coverage']:.0%} of the exposed surface has evidence from {len(result.stations)} stations.")
+    record = result.alignment
+    if record.mode != "none":
+        lines.append(f"Alignment ({record.mode}): {record.weakest_direction or 'all six directions are fixed'}")
+    lines += [f"Note: {warning}" for warning in result.warnings[:5]]
+    if len(result.warnings) > 5:
+        lines.append(f"Note: {len(result.warnings) - 5} more notes are in the report.")
+    return lines
+
+
+COMMAND = Command(
+    "verify",
+    "say for every element whether the scans confirm it, contradict it, or never saw it",
+    (
+        MODEL,
+        SCANS,
+        Argument("--out", "IFC file to write, with a property set on every element", required=True),
+        Argument("--loa", "required level of accuracy", int, DEFAULT.loa, (10, 20, 30, 40, 50)),
+        Argument("--sigma-mm", "standard deviation of one return along its ray, millimetres", float, 2.5),
+        Argument(
+            "--registration-sigma-mm",
+            "standard deviation of a station's position, millimetres (default: from the stations' agreement)",
+            float,
+        ),
+        Argument(
+            "--align", "bring the scans to the model first: fine from a coarse pose, auto without one",
+            str, DEFAULT.align, ("none", "fine", "auto"),
+        ),
+        Argument("--spacing-mm", "distance between query positions, millimetres", float, 20.0),
+        Argument(
+            "--fusion", "rule that combines the returns", str, DEFAULT.fusion,
+            ("station", "dempster", "yager", "dubois-prade"),
+        ),
+        Argument("--preset", "parameters of the belief masses", str, DEFAULT.preset, ("derived", *sorted(PRESETS))),
+        Argument("--frame", "frame the scans are in", str, DEFAULT.scan_frame, ("auto", "model", "map")),
+        ORIGIN,
+        Argument("--samples", "PLY file of all query positions with their evidence"),
+        Argument("--report", "folder for the report (one HTML page, one CSV)"),
+        *COMMON,
+    ),
+    _verify,
+)

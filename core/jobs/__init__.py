@@ -1,0 +1,5 @@
+"""Files to results: what every face of the project calls. One module a job."""
+
+from .verification import align_scans, verify
+
+__all__ = ["align_scans", "verify"]

@@ -1,0 +1,71 @@
+"""What every job begins with: a model, a campaign in the model's frame, the threads it may use, a stopwatch."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..errors import BimVerifyError
+from ..model.elements import BuildingModel
+from ..model.load import load_model
+from ..options import InputOptions
+from ..progress import Progress
+from ..scans.campaign import ScanSource
+from ..scans.frame import to_model_frame
+from ..scans.open import open_scans
+
+
+def open_model(model: BuildingModel | str | Path, options: InputOptions, progress: Progress) -> BuildingModel:
+    """The model itself, or what is read from the IFC file."""
+    if isinstance(model, BuildingModel):
+        return model
+    return load_model(model, threads=options.threads, cache=options.cache, progress=progress)
+
+
+def open_campaign(
+    model: BuildingModel, scans: ScanSource | Sequence[str | Path], options: InputOptions
+) -> ScanSource:
+    """The scans, files or already opened, in the model's frame; an error when a station has no position."""
+    source = open_scans(scans, origin=options.origin) if isinstance(scans, Sequence) else scans
+    _check_stations(source)
+    return to_model_frame(model, source, options.scan_frame)
+
+
+@dataclass
+class Stopwatch:
+    """Seconds per stage."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    _last: float = field(default_factory=time.perf_counter)
+
+    def lap(self, stage: str) -> None:
+        now = time.perf_counter()
+        self.seconds[stage] = now - self._last
+        self._last = now
+
+
+@contextmanager
+def limited_threads(wanted: int) -> Iterator[None]:
+    """Kernels use at most ``wanted`` threads inside; 0 for all."""
+    import numba
+
+    before = numba.get_num_threads()
+    if wanted:
+        numba.set_num_threads(min(wanted, before))
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
+
+
+def _check_stations(source: ScanSource) -> None:
+    unknown = [s.name for s in source.stations if not s.known]
+    if unknown:
+        files = ", ".join(Path(p).name for p in source.paths)
+        raise BimVerifyError(
+            f"{files} names no scanner position ({len(unknown)} of {len(source.stations)} stations), and without one "
+            "nothing can be told from what a ray passed; give --origin X,Y,Z in metres, in the scan's own frame."
+        )
