@@ -15,7 +15,7 @@ from typing import Any
 from . import __version__
 from .core.commands import COMMANDS, Argument, Command, Outcome
 from .core.errors import BimVerifyError, Cancelled
-from .core.files import check_writable, whole_file
+from .core.files import all_or_none, check_writable, whole_file
 from .core.progress import Progress
 
 DONE, FAILED, INTERRUPTED = 0, 1, 130
@@ -37,9 +37,13 @@ def main(argv: Sequence[str] | None = None) -> int:
                     _refuse_input(target, command, values)
                     check_writable(target)
             outcome = command.run(values, progress)
-            _write_extras(outcome, values.get("json"), arguments.blend)
+            with all_or_none():
+                if outcome.write is not None:
+                    outcome.write()
+                _write_extras(outcome, values.get("json"), arguments.blend)
+                progress.check()
     except (Cancelled, KeyboardInterrupt):
-        return _fail(bar, "Interrupted; nothing was written.", INTERRUPTED)
+        return _fail(bar, "Interrupted; no result was written.", INTERRUPTED)
     except BimVerifyError as error:
         return _fail(bar, str(error), FAILED)
     except MemoryError:

@@ -22,11 +22,21 @@ def parse_origin(text: str | None) -> tuple[float, float, float] | None:
 
 def check_outputs(inputs: list[str], outputs: list[str]) -> None:
     """Refuse outputs that cannot be written, or that are inputs, before any work is done."""
+    refuse_inputs(inputs, outputs)
+    seen: set[Path] = set()
+    for output in outputs:
+        check_writable(output)
+        if (place := Path(output).resolve()) in seen:
+            raise BimVerifyError(f"{output} is named for two outputs; give each a name of its own.")
+        seen.add(place)
+
+
+def refuse_inputs(inputs: list[str], outputs: list[str]) -> None:
+    """Refuse outputs that are inputs."""
     given = {Path(p).resolve() for p in inputs}
     for output in outputs:
         if Path(output).resolve() in given:
             raise BimVerifyError(f"{output} is an input and is never written to; give another name for the output.")
-        check_writable(output)
 
 
 def check_folder(path: str) -> None:

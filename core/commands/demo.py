@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from ..errors import BimVerifyError
 from ..files import whole_file
 from ..options import VerifyOptions
 from ..progress import Progress
@@ -18,17 +17,13 @@ DEMO_SPACING_M = 0.05
 
 def _demo(values: Values, progress: Progress) -> Outcome:
     from ..model.write_psets import write_verified_ifc
-    from ..report.html import write_report
+    from ..report.html import PAGE, write_report
     from ..report.json_out import result_to_json
     from ..report.samples_ply import write_samples
     from ..simulation.demo import make_demo
     from ..simulation.score import score
 
     folder = Path(values["out"])
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BimVerifyError(f"Cannot make the folder {folder}: {error.strerror}. Choose another place.") from error
     files = make_demo(folder, seed=values["seed"], progress=progress.part(0.0, 0.5))
     from ..jobs import verify
 
@@ -37,12 +32,7 @@ def _demo(values: Values, progress: Progress) -> Outcome:
         cache=not values["no_cache"],
     )
     result = verify(files.model, [files.scan], options, progress.part(0.5, 0.9))
-    write_verified_ifc(files.model, result, folder / "house_verified.ifc")
-    write_samples(folder / "samples.ply", result)
-    page = write_report(folder / "report", result, progress=progress.part(0.9, 1.0))
     data = result_to_json(result)
-    with whole_file(folder / "result.json") as temporary:
-        temporary.write_text(json.dumps(data, indent=1, allow_nan=False), encoding="utf-8")
     truth = score(result, json.loads(files.truth.read_text(encoding="utf-8")))
     lines = [
         f"A simulated scan of the demo house as it was built: {files.returns:,} returns, {files.scan}",
@@ -50,9 +40,17 @@ def _demo(values: Values, progress: Progress) -> Outcome:
         f"Against the truth: {truth.right} of {truth.scored} verdicts right; median error of a shift "
         f"{1000 * truth.shift_error_median:.1f} mm.",
         f"Model with property sets: {folder / 'house_verified.ifc'}",
-        f"Report: {page}",
+        f"Report: {folder / 'report' / PAGE}",
     ]
-    return Outcome(lines, data, result)
+
+    def write() -> None:
+        write_verified_ifc(files.model, result, folder / "house_verified.ifc")
+        write_samples(folder / "samples.ply", result)
+        write_report(folder / "report", result, progress=progress.part(0.9, 1.0))
+        with whole_file(folder / "result.json") as temporary:
+            temporary.write_text(json.dumps(data, indent=1, allow_nan=False), encoding="utf-8")
+
+    return Outcome(lines, data, result, write)
 
 
 COMMAND = Command(

@@ -37,6 +37,8 @@ class Outcome:
     lines: list[str]
     data: Values = field(default_factory=dict)
     result: Any = None
+    write: Callable[[], None] | None = None
+    """Writes the outputs; called after ``run``, so that they, ``--json`` and ``--blend`` get into place all or none."""
 
 
 @dataclass(frozen=True)

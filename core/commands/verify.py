@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 from ..errors import BimVerifyError
 from ..options import VerifyOptions
 from ..progress import Progress
 from ..results import STATUSES, VerificationResult
 from ..sensing.presets import PRESETS
-from .checks import check_folder, check_outputs, parse_origin
+from .checks import check_folder, check_outputs, parse_origin, refuse_inputs
 from .table import COMMON, MODEL, ORIGIN, SCANS, Argument, Command, Outcome, Values
 
 DEFAULT = VerifyOptions()
@@ -44,24 +45,29 @@ def verify_options(values: Values) -> VerifyOptions:
 def _verify(values: Values, progress: Progress) -> Outcome:
     from ..jobs import verify
     from ..model.write_psets import write_verified_ifc
-    from ..report.html import write_report
+    from ..report.html import PAGE, TABLE, write_report
     from ..report.json_out import result_to_json
     from ..report.samples_ply import write_samples
 
     options = verify_options(values)
-    outputs = [values[key] for key in ("out", "samples") if values[key]]
-    check_outputs([values["model"], *values["scan"]], outputs)
+    inputs = [values["model"], *values["scan"]]
+    check_outputs(inputs, [values[key] for key in ("out", "samples", "json") if values[key]])
     if values["report"]:
         check_folder(values["report"])
+        refuse_inputs(inputs, [str(Path(values["report"]) / name) for name in (PAGE, TABLE)])
     result = verify(values["model"], values["scan"], options, progress.part(0.0, 0.85))
-    write_verified_ifc(values["model"], result, values["out"])
-    if values["samples"]:
-        write_samples(values["samples"], result)
-    lines = summary_lines(result)
-    lines.append(f"Property sets: {values['out']}")
+    lines = [*summary_lines(result), f"Property sets: {values['out']}"]
     if values["report"]:
-        lines.append(f"Report: {write_report(values['report'], result, progress=progress.part(0.85, 1.0))}")
-    return Outcome(lines, result_to_json(result), result)
+        lines.append(f"Report: {Path(values['report']) / PAGE}")
+
+    def write() -> None:
+        write_verified_ifc(values["model"], result, values["out"])
+        if values["samples"]:
+            write_samples(values["samples"], result)
+        if values["report"]:
+            write_report(values["report"], result, progress=progress.part(0.85, 1.0))
+
+    return Outcome(lines, result_to_json(result), result, write)
 
 
 def summary_lines(result: VerificationResult) -> list[str]:

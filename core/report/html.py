@@ -12,8 +12,7 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from ..errors import BimVerifyError
-from ..files import whole_file
+from ..files import make_folder, whole_file
 from ..progress import Progress
 from ..results import LEVELS, STATUSES, VerificationResult
 from ..sensing.loa import UPPER_BOUND_M
@@ -24,6 +23,8 @@ from .pictures import PICK_SCALE, SIZE, report_pictures
 from .rows import ELEMENT_BINS, element_rows, group_counts, weighted_quantile
 
 FOLDER = Path(__file__).parent
+PAGE, TABLE = "index.html", "elements.csv"
+"""What is in the folder of a report."""
 OPTION_LABELS = {
     "loa": "Level of accuracy asked for",
     "sigma": "Sigma of one return (m)",
@@ -49,19 +50,13 @@ def write_report(folder: str | Path, result: VerificationResult, *, progress: Pr
     nothing else. Raises BimVerifyError when the folder cannot be written.
     """
     progress = progress or Progress()
-    target = Path(folder)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BimVerifyError(
-            f"Cannot make the report folder {target}: {error.strerror or error}. Choose another place."
-        ) from error
+    target = make_folder(folder)
     page = render_page(result, progress=progress)
-    with whole_file(target / "index.html") as temporary:
+    with whole_file(target / PAGE) as temporary:
         temporary.write_text(page, encoding="utf-8", errors="replace")
-    write_csv(target / "elements.csv", result)
+    write_csv(target / TABLE, result)
     progress.update(1.0, "Report written")
-    return target / "index.html"
+    return target / PAGE
 
 
 def render_page(result: VerificationResult, *, progress: Progress | None = None) -> str:

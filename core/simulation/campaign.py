@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ..errors import BimVerifyError
-from ..files import check_writable, whole_file
+from ..files import all_or_none, check_writable, whole_file
 from ..model.elements import BuildingModel
 from ..model.sample_surface import sample_surface
 from ..model.samples import SurfaceSamples
@@ -222,11 +222,12 @@ def scan_to_files(
     for path in (scan_path, truth_path):
         if path is not None:
             check_writable(path)
-    write_e57(scan_path, recorder.stations(), recorder.blocks(), scaled_integer_m=FILE_RESOLUTION_M)
-    truth = recorder.truth()
-    if truth_path is not None:
-        with whole_file(truth_path) as temporary:
-            temporary.write_text(json.dumps(truth, indent=1), encoding="utf-8")
+    with all_or_none():
+        write_e57(scan_path, recorder.stations(), recorder.blocks(), scaled_integer_m=FILE_RESOLUTION_M)
+        truth = recorder.truth()
+        if truth_path is not None:
+            with whole_file(truth_path) as temporary:
+                temporary.write_text(json.dumps(truth, indent=1), encoding="utf-8")
     return WrittenCampaign(Path(scan_path), Path(truth_path) if truth_path else None, recorder.returns, truth)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..files import make_folder
 from ..model.elements import BuildingModel
 from ..model.load import load_model
 from ..progress import Progress
@@ -73,8 +74,7 @@ def make_demo(
 
     The house and its changes are always the same; ``seed`` decides noise, headings and registration errors.
     """
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = make_folder(folder)
     progress = progress or Progress()
     ifc = folder / "house.ifc"
     write_demo_house(ifc)
