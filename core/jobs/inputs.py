@@ -16,6 +16,7 @@ from ..progress import Progress
 from ..scans.campaign import ScanSource
 from ..scans.frame import to_model_frame
 from ..scans.open import open_scans
+from ..scans.stated_origin import impossible_stations
 
 
 def open_model(model: BuildingModel | str | Path, options: InputOptions, progress: Progress) -> BuildingModel:
@@ -28,9 +29,14 @@ def open_model(model: BuildingModel | str | Path, options: InputOptions, progres
 def open_campaign(
     model: BuildingModel, scans: ScanSource | Sequence[str | Path], options: InputOptions
 ) -> ScanSource:
-    """The scans, files or already opened, in the model's frame; an error when a station has no position."""
+    """The scans, files or already opened, in the model's frame.
+
+    Raises BimVerifyError when a station has no position, or one at which no scanner can have stood.
+    """
     source = open_scans(scans, origin=options.origin) if isinstance(scans, Sequence) else scans
     _check_stations(source)
+    if options.origin is None:
+        _check_stated_origins(source)
     return to_model_frame(model, source, options.scan_frame)
 
 
@@ -68,4 +74,15 @@ def _check_stations(source: ScanSource) -> None:
         raise BimVerifyError(
             f"{files} names no scanner position ({len(unknown)} of {len(source.stations)} stations), and without one "
             "nothing can be told from what a ray passed; give --origin X,Y,Z in metres, in the scan's own frame."
+        )
+
+
+def _check_stated_origins(source: ScanSource) -> None:
+    impossible = impossible_stations(source)
+    if impossible:
+        names = ", ".join(source.stations[index].name for index in impossible)
+        raise BimVerifyError(
+            f"{', '.join(Path(p).name for p in source.paths)} says that the scanner of {names} stood at 0, 0, 0, but from "
+            f"there {max(impossible.values()):.0%} of the returns would be hidden by others: it is a merged cloud, or in "
+            "another frame; export the scans one by one with their poses, or give the true position by --origin X,Y,Z."
         )

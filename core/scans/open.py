@@ -14,6 +14,7 @@ from .campaign import DropCount, ReturnBlock, ScanSource, Station
 from .e57_pages import SIGNATURE
 from .read_ahead import read_ahead
 from .scan_file import Origin, ScanFile
+from .stated_origin import impossible_stations, is_identity
 
 FORMATS = "E57, LAS, LAZ, PLY, PCD, PTS, PTX, XYZ, TXT, CSV or NPY"
 SUFFIXES = (".e57", ".las", ".laz", ".ply", ".pcd", ".pts", ".ptx", ".xyz", ".txt", ".asc", ".csv", ".npy")
@@ -25,8 +26,9 @@ _SAME_TURN = 1e-9
 def open_scans(paths: Sequence[str | Path], *, origin: Origin | None = None) -> ScanSource:
     """Open scan files as one campaign; stations keep the order of the files.
 
-    origin : scanner position, metres, scan frame, for files that do not name one. Without it such stations are not
-        ``known`` and their position is a place-holder near the data.
+    origin : scanner position, metres, scan frame, for files that do not name one, or that state an identity pose which
+        cannot be true (see ``stated_origin``). Without it stations that no file names are not ``known`` and their
+        position is a place-holder near the data.
 
     Scans with the same known pose are one station: a scan split in two files gives the same campaign as the whole one.
     Raises BimVerifyError when a file is missing, of no known format, damaged or empty.
@@ -51,6 +53,8 @@ def open_scan_file(path: str | Path, *, origin: Origin | None = None) -> ScanFil
             raise BimVerifyError(f"{place} is empty. Copy or export it again.")
         found = _reader(place, head)(place)
         found.place_unknown(origin)
+        if origin is not None and any(is_identity(station) for station in found.stations):
+            found.replace_stations(impossible_stations(found), origin)
     except OSError as error:
         raise BimVerifyError(
             f"Cannot read {place}: {error.strerror or error}. Check the name and the permissions."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -210,3 +210,10 @@ class ScanFile(ABC):
                 placed = replace(setup.station, position=np.round(first) if far and first is not None else np.zeros(3))
             setups.append(scan_frame_setup(placed))
         self.setups = tuple(setups)
+
+    def replace_stations(self, stations: Collection[int], origin: Origin) -> None:
+        """Put stations whose identity pose was found to be false at ``origin``; their points are in the scan frame."""
+        self.setups = tuple(
+            scan_frame_setup(replace(setup.station, position=np.array(origin, np.float64))) if index in stations else setup
+            for index, setup in enumerate(self.setups)
+        )
