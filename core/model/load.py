@@ -36,6 +36,9 @@ NOT_PHYSICAL = (
 LARGEST_SMALL_RADIUS_M = 0.5
 """The angular deflection is set so that round members up to this radius keep the chord error; beyond it the linear one acts."""
 
+TAIL_BYTES = 65_536
+"""At the end of a file, where its last line must be."""
+
 SEE_THROUGH = 0.3
 """A surface style at least this transparent is glass."""
 
@@ -104,10 +107,31 @@ def _check_is_ifc(source: Path) -> None:
     try:
         with source.open("rb") as stream:
             head = stream.read(4096)
+            stream.seek(max(source.stat().st_size - TAIL_BYTES, 0))
+            tail = stream.read(TAIL_BYTES)
     except OSError as error:
         raise BimVerifyError(f"Cannot read {source}: {error.strerror}. Check the path.") from error
     if b"ISO-10303-21" not in head:
         raise BimVerifyError(f"{source} is not an IFC file (no ISO-10303-21 header). Give an .ifc file in STEP form.")
+    if b"END-ISO-10303-21" not in tail:
+        raise BimVerifyError(f"{source} is cut off (no END-ISO-10303-21 at its end). Copy or export it again.")
+
+
+def _check_placements(source: Path, products: list[Any]) -> None:
+    """A placement relative to itself, over others or at once, would end the geometry kernel without a word."""
+    sound: set[int] = set()
+    for product in products:
+        chain: set[int] = set()
+        placement = product.ObjectPlacement
+        while placement is not None and placement.id() not in sound:
+            if placement.id() in chain:
+                raise BimVerifyError(
+                    f"{source} is damaged: the placement #{placement.id()} of {product.is_a()} {product.GlobalId} is "
+                    "relative to itself. Export it again."
+                )
+            chain.add(placement.id())
+            placement = getattr(placement, "PlacementRelTo", None)
+        sound |= chain
 
 
 def _hash_file(source: Path) -> str:
@@ -132,6 +156,7 @@ def _tessellate(source: Path, content_hash: str, deflection: float, threads: int
     products = physical_products(file)
     if not products:
         raise BimVerifyError(f"{source} has no physical element with a shape, so there is nothing to verify.")
+    _check_placements(source, products)
     shapes = _run_iterator(file, products, deflection, threads, progress)
     skipped = tuple(
         f"{p.is_a()} {p.GlobalId} ({p.Name or 'unnamed'}) has a shape but no body that could be made into a surface."

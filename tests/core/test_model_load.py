@@ -220,6 +220,33 @@ def test_what_is_no_model_is_said_in_one_sentence(kind: str, tmp_path: Path) -> 
     assert "\n" not in str(caught.value) and len(str(caught.value)) < 300
 
 
+@pytest.mark.parametrize("kept", [0.5, 0.9, 0.999])
+def test_a_model_that_was_cut_off_is_refused_even_where_it_parses(kept: float, tmp_path: Path) -> None:
+    made = ModelFile()
+    for number in range(5):
+        made.product("IfcWall", f"Wall {number}", made.box(4.0, 0.2, 2.5))
+    made.write(tmp_path / "model.ifc")
+    whole = (tmp_path / "model.ifc").read_bytes().rstrip()
+    (tmp_path / "model.ifc").write_bytes(whole[: int(len(whole) * kept)])
+    with pytest.raises(BimVerifyError, match="cut off"):
+        load_model(tmp_path / "model.ifc", cache=False, threads=1)
+
+
+@pytest.mark.parametrize("through", [1, 2])
+def test_a_placement_relative_to_itself_is_refused(through: int, tmp_path: Path) -> None:
+    made = ModelFile()
+    wall = made.product("IfcWall", "Wall", made.box(4.0, 0.2, 2.5))
+    origin = made.file.create_entity("IfcCartesianPoint", [0.0, 0.0, 0.0])
+    axes = made.file.create_entity("IfcAxis2Placement3D", origin)
+    chain = [made.file.create_entity("IfcLocalPlacement", None, axes) for _ in range(through)]
+    for placement, parent in zip(chain, chain[1:] + chain[:1], strict=True):
+        placement.PlacementRelTo = parent
+    wall.ObjectPlacement = chain[0]
+    made.file.write(str(tmp_path / "model.ifc"))
+    with pytest.raises(BimVerifyError, match="relative to itself"):
+        load_model(tmp_path / "model.ifc", cache=False, threads=1)
+
+
 def test_a_model_without_a_shape_is_refused(tmp_path: Path) -> None:
     made = ModelFile()
     with pytest.raises(BimVerifyError, match="nothing to verify"):

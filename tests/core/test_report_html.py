@@ -157,7 +157,7 @@ def test_csv_numbers_need_no_guard(hostile_result: VerificationResult) -> None:
 
 def test_unwritable_folder(tmp_path: Path, hostile_result: VerificationResult) -> None:
     (tmp_path / "file").write_text("x")
-    with pytest.raises(BimVerifyError, match="report folder"):
+    with pytest.raises(BimVerifyError, match="Cannot make the folder"):
         html.write_report(tmp_path / "file", hostile_result)
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
