@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import uuid
 from collections.abc import Iterator
@@ -27,6 +28,8 @@ class _Together:
         target = Path()
         try:
             for temporary, target in self.files:
+                if target.is_dir():
+                    raise IsADirectoryError(errno.EISDIR, "it is a folder")
                 before = _beside(target) if target.exists() else None
                 done.append((target, before))
                 if before is not None:

@@ -50,8 +50,9 @@ def main() -> int:
         demo = make_demo(folder)
         returns = read(demo.scan)
         ok = compare(
-            "E57 of 11 stations", demo.model, [demo.scan], spacing, None,
+            "E57 of 11 stations", demo.model, [write_scans(folder / "whole.e57", returns)], spacing, None,
             {
+                "E57 of scaled integers": lambda: (demo.model, [demo.scan]),
                 "split in two files": lambda: (demo.model, halves(folder, returns)),
                 "in another order": lambda: (demo.model, [reversed_order(folder, returns)]),
                 "PTX": lambda: (demo.model, [ptx(folder / "scan.ptx", returns)]),

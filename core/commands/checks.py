@@ -23,12 +23,15 @@ def parse_origin(text: str | None) -> tuple[float, float, float] | None:
 def check_outputs(inputs: list[str], outputs: list[str]) -> None:
     """Refuse outputs that cannot be written, or that are inputs, before any work is done."""
     refuse_inputs(inputs, outputs)
-    seen: set[Path] = set()
-    for output in outputs:
+    for number, output in enumerate(outputs):
         check_writable(output)
-        if (place := Path(output).resolve()) in seen:
-            raise BimVerifyError(f"{output} is named for two outputs; give each a name of its own.")
-        seen.add(place)
+        refuse_same(output, outputs[:number])
+
+
+def refuse_same(output: str, others: list[str]) -> None:
+    """Refuse one name for two outputs."""
+    if Path(output).resolve() in {Path(other).resolve() for other in others}:
+        raise BimVerifyError(f"{output} is named for two outputs; give each a name of its own.")
 
 
 def refuse_inputs(inputs: list[str], outputs: list[str]) -> None:

@@ -10,7 +10,7 @@ from ..options import VerifyOptions
 from ..progress import Progress
 from ..results import STATUSES, VerificationResult
 from ..sensing.presets import PRESETS
-from .checks import check_folder, check_outputs, parse_origin, refuse_inputs
+from .checks import check_folder, check_outputs, parse_origin, refuse_inputs, refuse_same
 from .table import COMMON, MODEL, ORIGIN, SCANS, Argument, Command, Outcome, Values
 
 DEFAULT = VerifyOptions()
@@ -51,8 +51,10 @@ def _verify(values: Values, progress: Progress) -> Outcome:
 
     options = verify_options(values)
     inputs = [values["model"], *values["scan"]]
-    check_outputs(inputs, [values[key] for key in ("out", "samples", "json") if values[key]])
+    outputs = [values[key] for key in ("out", "samples", "json") if values[key]]
+    check_outputs(inputs, outputs)
     if values["report"]:
+        refuse_same(values["report"], outputs)
         check_folder(values["report"])
         refuse_inputs(inputs, [str(Path(values["report"]) / name) for name in (PAGE, TABLE)])
     result = verify(values["model"], values["scan"], options, progress.part(0.0, 0.85))

@@ -161,7 +161,7 @@ def _tessellate(source: Path, content_hash: str, deflection: float, threads: int
     skipped = tuple(
         f"{p.is_a()} {p.GlobalId} ({p.Name or 'unnamed'}) has a shape but no body that could be made into a surface."
         for p in products
-        if p.id() not in shapes
+        if p.id() not in shapes and not _shown_by_parts(p, shapes)
     )
     present = [p for p in products if p.id() in shapes]
     if not present:
@@ -184,6 +184,13 @@ def _tessellate(source: Path, content_hash: str, deflection: float, threads: int
         skipped=skipped,
         project_name=next((p.Name or "" for p in file.by_type("IfcProject")), ""),
     )
+
+
+def _shown_by_parts(product: Any, shapes: dict[int, list[_Shape]]) -> bool:
+    """Whether a product without a body of its own (a layered wall, a stair, a roof) has parts that are verified."""
+    import ifcopenshell.util.element
+
+    return any(part.id() in shapes for part in ifcopenshell.util.element.get_decomposition(product))
 
 
 @dataclass(frozen=True)

@@ -164,9 +164,10 @@ def test_outputs_that_cannot_be_written(option: str, where: str, data: Path, pla
     assert (place / "model.ifc").read_bytes() == before and (place / "file").read_text() == "in the way"
 
 
-def test_one_name_for_two_outputs(data: Path, place: Path) -> None:
+@pytest.mark.parametrize("option", ["--samples", "--json", "--report"])
+def test_one_name_for_two_outputs(option: str, data: Path, place: Path) -> None:
     target = place / "out" / "both"
-    done = run(place, "verify", data / "model.ifc", data / "scan.e57", "--out", target, "--samples", target, *QUICK)
+    done = run(place, "verify", data / "model.ifc", data / "scan.e57", "--out", target, option, target, *QUICK)
     says_one_sentence(done, 1, "two outputs")
     assert left(place) == []
 

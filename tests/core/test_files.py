@@ -74,3 +74,10 @@ def test_a_folder_that_was_there_stays(tmp_path: Path) -> None:
         write(make_folder(tmp_path / "report") / "c", "new")
         raise RuntimeError
     assert names(tmp_path) == ["report"]
+
+
+def test_a_folder_made_where_a_file_goes(tmp_path: Path) -> None:
+    with pytest.raises(BimVerifyError, match="it is a folder"), all_or_none():
+        write(tmp_path / "a", "new")
+        make_folder(tmp_path / "a")
+    assert names(tmp_path) == []

@@ -199,6 +199,19 @@ def test_a_product_without_a_surface_is_named_and_left_out(tmp_path: Path) -> No
     assert len(model.skipped) == 1 and "Only a line" in model.skipped[0]
 
 
+def test_a_product_that_is_shown_by_its_parts_is_not_named_as_left_out(tmp_path: Path) -> None:
+    import ifcopenshell.api.aggregate
+
+    made = ModelFile()
+    part = made.product("IfcBuildingElementPart", "Layer", made.box(4.0, 0.2, 2.5))
+    ends = [made.file.create_entity("IfcCartesianPoint", [v, 0.0, 0.0]) for v in (0.0, 1000.0)]
+    lines = made.file.create_entity("IfcGeometricCurveSet", [made.file.create_entity("IfcPolyline", ends)])
+    wall = made.product("IfcWall", "Layered wall", lines)
+    ifcopenshell.api.aggregate.assign_object(made.file, products=[part], relating_object=wall)
+    model = load(made, tmp_path)
+    assert [e.name for e in model.elements] == ["Layer"] and model.skipped == ()
+
+
 @pytest.mark.parametrize("kind", ["text", "header only", "truncated", "empty", "missing", "folder"])
 def test_what_is_no_model_is_said_in_one_sentence(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "model.ifc"
