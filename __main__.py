@@ -1,5 +1,20 @@
-"""``python -m bim_verify``."""
+"""``python -m bim_verify``, and the console script: an interrupt while the libraries load is answered in one line too."""
 
-from .cli import main
+from __future__ import annotations
 
-raise SystemExit(main())
+import sys
+
+
+def main() -> int:
+    """Run the console script; see ``cli.main``."""
+    try:
+        from . import cli
+
+        return cli.main()
+    except KeyboardInterrupt:
+        print("bim-verify: Interrupted; no result was written.", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
