@@ -1,39 +1,65 @@
-"""What colours may say. One entry a mode: how vertices are coloured, and the legend that explains it."""
+"""What colours may say. A ``Mode`` is one way to colour, with the legend that explains it; capabilities bring them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import bpy
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.report import palette
 
-LOA_COLORS: dict[str, palette.RGB] = {
-    "LOA50": (0.00, 0.27, 0.35),
-    "LOA40": (0.00, 0.42, 0.46),
-    "LOA30": (0.21, 0.60, 0.51),
-    "LOA20": (0.55, 0.77, 0.50),
-    "LOA10": (0.93, 0.87, 0.47),
-    "NONE": (0.71, 0.07, 0.24),
-}
+Swatch = tuple[str, palette.RGB]
+
+SEQUENTIAL_STOPS = ("#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725")
+"""viridis: even steps of lightness, the same order for all colour vision deficiencies and in grey."""
 
 
 @dataclass(frozen=True)
 class Surface:
-    """What is known on the vertices of one element."""
+    """One element's object while it is coloured."""
 
-    status: str
-    achieved_loa: str
-    occupied: NDArray[np.float32]
-    empty: NDArray[np.float32]
-    unknown: NDArray[np.float32]
-    deviation: NDArray[np.float32]
-    """Metres; NaN where not measured."""
+    item: bpy.types.Object
+
+    def __len__(self) -> int:
+        return len(self.item.data.vertices)
+
+    def __call__(self, attribute: str) -> NDArray[np.float32]:
+        """(V,) values of a FLOAT attribute of the vertices; not-a-number where the mesh does not have it."""
+        values = np.full(len(self), np.nan, dtype=np.float32)
+        if attribute in self.item.data.attributes:
+            self.item.data.attributes[attribute].data.foreach_get("value", values)
+        return values
 
 
-Swatch = tuple[str, palette.RGB]
+@dataclass(frozen=True)
+class Ramp:
+    """A scale of colours in a legend."""
+
+    colors: tuple[palette.RGB, ...]
+    """Equally spaced, from low to high; sRGB."""
+    ticks: tuple[tuple[float, str], ...]
+    """(place 0..1, text with unit)."""
+
+
+@dataclass(frozen=True)
+class Legend:
+    """What the colours mean: swatches, a ramp, or both."""
+
+    swatches: tuple[Swatch, ...] = ()
+    ramp: Ramp | None = None
+
+
+@dataclass(frozen=True)
+class Category:
+    """One of the classes that a categorical mode tells apart."""
+
+    identifier: str
+    label: str
+    meaning: str
+    color: palette.RGB
 
 
 @dataclass(frozen=True)
@@ -43,17 +69,72 @@ class Mode:
     identifier: str
     label: str
     description: str
-    color: Callable[[Surface, float], NDArray[np.float64]]
-    """(surface, deviation range in metres) -> (V, 3) or (3,) sRGB."""
-    legend: Callable[[float], list[Swatch]]
-    """Deviation range in metres -> what each colour means."""
+    color: Callable[[Surface, bpy.types.Scene], NDArray[np.float64]]
+    """(V, 3) or (3,) sRGB."""
+    legend: Callable[[bpy.types.Scene], Legend]
+    known: Callable[[bpy.types.Object], bool]
+    """Whether there is anything to show on this element; else it is grey."""
+    category: Callable[[bpy.types.Object], str] | None = None
+    """The element's class; empty where it has none. Such modes fill the finding list."""
+    categories: tuple[Category, ...] = ()
 
 
-def rgba(mode: Mode, surface: Surface, deviation_range: float) -> NDArray[np.float32]:
-    """(V, 4) linear colours, as Blender's float colour attributes hold them."""
-    color = np.ones((len(surface.deviation), 4), dtype=np.float32)
-    color[:, :3] = palette.to_linear(mode.color(surface, deviation_range))
-    return color
+def categorical(
+    identifier: str,
+    label: str,
+    description: str,
+    categories: tuple[Category, ...],
+    category: Callable[[bpy.types.Object], str],
+) -> Mode:
+    """A mode with one colour a class; ``category`` gives the class of an element, empty where it has none."""
+    color = {entry.identifier: np.array(entry.color) for entry in categories}
+    return Mode(
+        identifier,
+        label,
+        description,
+        lambda surface, _: color.get(category(surface.item), np.array(palette.UNMEASURED)),
+        lambda _: Legend(tuple((entry.label, entry.color) for entry in categories)),
+        lambda item: bool(category(item)),
+        category,
+        categories,
+    )
+
+
+def ramp(
+    identifier: str,
+    label: str,
+    description: str,
+    values: str | Callable[[Surface], NDArray[np.float32]],
+    *,
+    unit: str,
+    span: Callable[[bpy.types.Scene], tuple[float, float]] = lambda _: (0.0, 1.0),
+    stops: tuple[str, ...] = SEQUENTIAL_STOPS,
+    nothing: str = "",
+    known: Callable[[bpy.types.Object], bool] = lambda item: bool(item.bim_verify.status),
+) -> Mode:
+    """A mode that colours a number on a scale.
+
+    ``values``: the name of a vertex attribute, or a function giving (V,) numbers in SI units (shares 0..1).
+    ``unit``: of the legend, ``mm`` (values are metres), ``m`` or ``%`` (values are shares). ``span``: scene -> lowest and
+    highest value of the scale, beyond which the colour stays. ``nothing``: legend text of not-a-number, if there may be any.
+    """
+    factor = {"mm": 1000.0, "%": 100.0}.get(unit, 1.0)
+
+    def color(surface: Surface, scene: bpy.types.Scene) -> NDArray[np.float64]:
+        low, high = span(scene)
+        value = surface(values) if isinstance(values, str) else values(surface)
+        return palette.ramp_color(value, low, high, stops)
+
+    def legend(scene: bpy.types.Scene) -> Legend:
+        low, high = span(scene)
+        signed = "+" if low < 0 else ""
+        places = np.linspace(0.0, 1.0, 5)
+        at = low + places * (high - low)
+        ticks = tuple((float(p), f"{_number(factor * v, signed)} {unit}") for p, v in zip(places, at, strict=True))
+        swatches = ((nothing, palette.UNMEASURED),) if nothing else ()
+        return Legend(swatches, Ramp(tuple(palette.rgb(code) for code in stops), ticks))
+
+    return Mode(identifier, label, description, color, legend, known)
 
 
 STATION_COLORS = np.array([
@@ -69,53 +150,5 @@ def scan_color(color: NDArray[np.uint8] | None, station: NDArray[np.int32]) -> N
     return palette.to_linear(srgb)
 
 
-def _status(surface: Surface, _range: float) -> NDArray[np.float64]:
-    return np.array(palette.STATUS_COLORS.get(surface.status, palette.UNMEASURED))
-
-
-def _loa(surface: Surface, _range: float) -> NDArray[np.float64]:
-    if surface.status == "NOTOBSERVED":
-        return np.array(palette.UNMEASURED)
-    return np.array(LOA_COLORS.get(surface.achieved_loa, palette.UNMEASURED))
-
-
-def _belief(surface: Surface, _range: float) -> NDArray[np.float64]:
-    return palette.belief_color(surface.occupied, surface.empty, surface.unknown)
-
-
-def _deviation(surface: Surface, deviation_range: float) -> NDArray[np.float64]:
-    return palette.deviation_color(surface.deviation, deviation_range)
-
-
-def _deviation_legend(deviation_range: float) -> list[Swatch]:
-    steps = np.linspace(deviation_range, -deviation_range, 9)
-    colors = palette.deviation_color(steps, deviation_range)
-    swatches: list[Swatch] = [(f"{1000 * d:+.1f} mm", (c[0], c[1], c[2])) for d, c in zip(steps, colors, strict=True)]
-    return [*swatches, ("not measured", palette.UNMEASURED)]
-
-
-MODES: tuple[Mode, ...] = (
-    Mode(
-        "STATUS",
-        "Status",
-        "The verdict on the whole element",
-        _status,
-        lambda _: [(palette.STATUS_LABELS[s], palette.STATUS_COLORS[s]) for s in palette.STATUS_LABELS],
-    ),
-    Mode(
-        "BELIEF",
-        "Evidence",
-        "Where the scans say occupied, empty or nothing",
-        _belief,
-        lambda _: [(name.capitalize(), color) for name, color in palette.BELIEF_COLORS.items()],
-    ),
-    Mode("DEVIATION", "Deviation", "Signed distance of the scan from the planned surface", _deviation, _deviation_legend),
-    Mode(
-        "LOA",
-        "Level reached",
-        "The level of accuracy that the element reaches",
-        _loa,
-        lambda _: [*LOA_COLORS.items(), ("Not observed", palette.UNMEASURED)],
-    ),
-)
-BY_IDENTIFIER = {mode.identifier: mode for mode in MODES}
+def _number(value: float, signed: str) -> str:
+    return f"{value:{signed}.1f}".removesuffix(".0")

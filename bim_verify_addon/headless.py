@@ -3,46 +3,36 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import bpy
 
+from ..core.errors import BimVerifyError
 from ..core.files import whole_file
-from ..core.results import VerificationResult
-from . import frame, project, register, scene, unregister
+from . import paint, register, scene, unregister
+from .capabilities import CAPABILITIES
 from .properties import DEFAULT_DISPLAY_VERTICES
-from .surface_grid import make_display
 
 
-def save_blend(result: VerificationResult, path: str | Path, *, display_vertices: int = DEFAULT_DISPLAY_VERTICES) -> None:
-    """Write a .blend file with every element of ``result``, coloured, ready to open and to render.
+def save_blend(result: Any, path: str | Path, *, display_vertices: int = DEFAULT_DISPLAY_VERTICES) -> None:
+    """Write a .blend file that shows ``result`` (of any capability that can), ready to open and to render.
 
     What is open in this process is replaced by a new, empty file. ``display_vertices``: about how many vertices the
     coloured surfaces get together. Raises BimVerifyError when ``path`` cannot be written.
     """
-    display = make_display(result, display_vertices)
     with whole_file(Path(path).absolute()) as temporary:  # Blender has a folder of its own for relative paths
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         ours = not hasattr(bpy.types.Scene, "bim_verify")
         if ours:
             register()
         try:
-            _build(result, display)
+            target = bpy.context.scene
+            target.bim_verify.display_vertices = display_vertices
+            if not any(c.show(target, result) for c in CAPABILITIES if c.show is not None):
+                raise BimVerifyError("--blend has nothing to show for this command.")
+            paint.refresh(target)
+            scene.show_colors_in_views()
             bpy.ops.wm.save_as_mainfile(filepath=str(temporary), compress=True, copy=True)
         finally:
             if ours:
                 unregister()
-
-
-def _build(result: VerificationResult, display: scene.Display) -> None:
-    target = bpy.context.scene
-    settings = target.bim_verify
-    settings.model_path = str(Path(result.model.path).resolve())
-    for path in result.scan_paths:
-        entry = settings.scans.add()
-        entry.path, entry.name = str(Path(path).resolve()), Path(path).name
-    settings.loa, settings.sigma_mm = str(result.options.loa), 1000 * result.options.sigma
-    settings.align = result.options.align
-    project.adopt_frame(target, result.model)
-    scene.show_result(target, result, display)
-    scene.show_colors_in_views()
-    assert frame.stored(target) is not None

@@ -1,4 +1,4 @@
-"""The legend in the 3D view: what the colours mean, with units."""
+"""The legend in the 3D view: what the colours mean, with units and range."""
 
 from __future__ import annotations
 
@@ -10,10 +10,15 @@ import gpu
 from gpu_extras.batch import batch_for_shader
 
 from . import colors
+from .capabilities import MODES
 from .preferences import legend_size
 
 _handle: Any = None
 MARGIN = 20
+RAMP_LINES = 9
+"""Height of a ramp, in lines of text."""
+
+Linear = tuple[float, float, float, float]
 
 
 def register() -> None:
@@ -31,13 +36,14 @@ def unregister() -> None:
         _handle = None
 
 
-def legend_lines(settings: bpy.types.PropertyGroup) -> list[colors.Swatch]:
-    """What each colour of the current mode means; with counts where it is the status."""
-    mode = colors.BY_IDENTIFIER[settings.color_mode]
-    lines = mode.legend(settings.deviation_range_mm / 1000)
-    if mode.identifier != "STATUS":
-        return lines
-    return [(f"{label}  {entry.count}", color) for (label, color), entry in zip(lines, settings.counts, strict=False)]
+def legend(scene: bpy.types.Scene) -> colors.Legend:
+    """What the colours of the current mode mean; with counts where they tell classes apart."""
+    mode = MODES[scene.bim_verify.color_mode]
+    made = mode.legend(scene)
+    if mode.category is None:
+        return made
+    count = {entry.category: entry.count for entry in scene.bim_verify.counts if entry.mode == mode.identifier}
+    return colors.Legend(tuple((f"{c.label}  {count.get(c.identifier, 0)}", c.color) for c in mode.categories), made.ramp)
 
 
 def _draw() -> None:
@@ -47,20 +53,38 @@ def _draw() -> None:
         return
     scale = context.preferences.system.ui_scale
     size = legend_size(context) * scale
-    lines = legend_lines(settings)
-    title = colors.BY_IDENTIFIER[settings.color_mode].label
-    step = 1.6 * size
+    shown, title, step = legend(context.scene), MODES[settings.color_mode].label, 1.6 * size
+    texts = [title, *(text for text, _ in shown.swatches), *(text for _, text in (shown.ramp.ticks if shown.ramp else ()))]
     blf.size(0, size)
-    width = max(blf.dimensions(0, text)[0] for text in (title, *(line[0] for line in lines))) + 3.2 * size
+    width = max(blf.dimensions(0, text)[0] for text in texts) + 3.2 * size
     left, bottom = MARGIN * scale, MARGIN * scale
+    lines = len(shown.swatches) + (RAMP_LINES if shown.ramp else 0) + 1
     gpu.state.blend_set("ALPHA")
-    _rectangle(left - 0.6 * size, bottom - 0.6 * size, width, (len(lines) + 1) * step + 0.8 * size, (0.1, 0.1, 0.1, 0.75))
-    for row, (text, color) in enumerate(reversed(lines)):
-        y = bottom + row * step
+    _rectangle(left - 0.6 * size, bottom - 0.6 * size, width, lines * step + 0.8 * size, (0.1, 0.1, 0.1, 0.75))
+    y = bottom
+    for text, color in reversed(shown.swatches):
         _rectangle(left, y, size, size, (*color, 1.0))
         _text(left + 1.7 * size, y + 0.12 * size, text, size)
-    _text(left, bottom + len(lines) * step + 0.2 * size, title, size)
+        y += step
+    if shown.ramp:
+        _ramp(left, y, size, (RAMP_LINES - 1) * step, shown.ramp)
+        y += RAMP_LINES * step
+    _text(left, y + 0.2 * size, title, size)
     gpu.state.blend_set("NONE")
+
+
+def _ramp(x: float, y: float, size: float, height: float, ramp: colors.Ramp) -> None:
+    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
+    count = len(ramp.colors)
+    heights = [y + height * k / (count - 1) for k in range(count)]
+    corners = [(px, py) for py in heights for px in (x, x + size)]
+    paint: list[Linear] = [(*color, 1.0) for color in ramp.colors for _ in range(2)]
+    triangles = [t for k in range(0, 2 * (count - 1), 2) for t in ((k, k + 1, k + 2), (k + 1, k + 3, k + 2))]
+    batch_for_shader(shader, "TRIS", {"pos": corners, "color": paint}, indices=triangles).draw(shader)
+    for place, text in ramp.ticks:
+        at = y + height * place
+        _rectangle(x + size, at - 0.5, 0.4 * size, 1.0, (1.0, 1.0, 1.0, 1.0))
+        _text(x + 1.7 * size, at - 0.35 * size, text, size)
 
 
 def _text(x: float, y: float, text: str, size: float) -> None:
@@ -70,7 +94,7 @@ def _text(x: float, y: float, text: str, size: float) -> None:
     blf.draw(0, text)
 
 
-def _rectangle(x: float, y: float, width: float, height: float, color: tuple[float, float, float, float]) -> None:
+def _rectangle(x: float, y: float, width: float, height: float, color: Linear) -> None:
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
     shader.uniform_float("color", color)

@@ -18,7 +18,7 @@ from bpy.props import (
 
 from ..core.options import VerifyOptions
 from ..core.results import LEVELS
-from . import colors
+from .capabilities import CAPABILITIES, MODES
 
 DEFAULTS = VerifyOptions()
 DEFAULT_DISPLAY_VERTICES = 1_000_000
@@ -50,11 +50,11 @@ SCAN_FRAME_ITEMS = [
     ("model", "Model", "Scan coordinates are the model's own"),
     ("map", "Map", "Scan coordinates are those of the model's map conversion (eastings, northings)"),
 ]
-COLOR_ITEMS = [(mode.identifier, mode.label, mode.description) for mode in colors.MODES]
+COLOR_ITEMS = [(mode.identifier, mode.label, mode.description) for mode in MODES.values()]
 
 
 def _recolor(settings: BimVerifySettings, context: bpy.types.Context) -> None:
-    from .scene import recolor
+    from .paint import recolor
 
     recolor(settings.id_data)
 
@@ -69,9 +69,10 @@ class BimVerifyScan(bpy.types.PropertyGroup):
 
 
 class BimVerifyCount(bpy.types.PropertyGroup):
-    """How many elements have this status."""
+    """How many elements are in this class of this colour mode."""
 
-    status: StringProperty()
+    mode: StringProperty()
+    category: StringProperty()
     count: IntProperty()
 
 
@@ -186,8 +187,6 @@ class BimVerifySettings(bpy.types.PropertyGroup):
         update=_recolor,
     )
     show_legend: BoolProperty(name="Legend", default=True, description="Draw the meaning of the colours in the 3D view")
-    show_expert_scans: BoolProperty(name="Expert settings", default=False, description="Settings that rarely need a change")
-    show_expert: BoolProperty(name="Expert settings", default=False, description="Settings that rarely need a change")
     counts: CollectionProperty(type=BimVerifyCount)
     result_summary: StringProperty()
     result_note: StringProperty()
@@ -196,18 +195,34 @@ class BimVerifySettings(bpy.types.PropertyGroup):
 
 
 CLASSES = (BimVerifyScan, BimVerifyCount, BimVerifyElement, BimVerifySettings)
+OWNERS = ((bpy.types.Scene, "settings"), (bpy.types.Object, "element"))
+"""What carries the property groups of the capabilities, and under which field of ``Capability`` they stand."""
 
 
 def register() -> None:
-    """Add the settings to scenes and the verdict to objects."""
+    """Add the settings to scenes and the verdict to objects, then those of each capability."""
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.Scene.bim_verify = PointerProperty(type=BimVerifySettings)
     bpy.types.Object.bim_verify = PointerProperty(type=BimVerifyElement)
+    for capability in CAPABILITIES:
+        for cls in capability.classes:
+            bpy.utils.register_class(cls)
+        for owner, field in OWNERS:
+            if (group := getattr(capability, field)) is not None:
+                bpy.utils.register_class(group)
+                setattr(owner, f"bim_verify_{capability.name}", PointerProperty(type=group))
 
 
 def unregister() -> None:
     """Take them away again."""
+    for capability in reversed(CAPABILITIES):
+        for owner, field in reversed(OWNERS):
+            if (group := getattr(capability, field)) is not None:
+                delattr(owner, f"bim_verify_{capability.name}")
+                bpy.utils.unregister_class(group)
+        for cls in reversed(capability.classes):
+            bpy.utils.unregister_class(cls)
     del bpy.types.Object.bim_verify
     del bpy.types.Scene.bim_verify
     for cls in reversed(CLASSES):

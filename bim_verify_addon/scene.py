@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.model.elements import BuildingModel, Element
-from ..core.results import LEVELS, STATUSES, ElementVerdict, VerificationResult
-from . import bonsai, colors, frame, materials
+from ..core.results import LEVELS, ElementVerdict, VerificationResult
+from . import bonsai, colors, frame
 from .surface_grid import Display, second_sides
 
 ROOT = "BIM Verify"
@@ -68,52 +68,21 @@ def show_model(scene: bpy.types.Scene, model: BuildingModel) -> None:
 
 
 def show_result(scene: bpy.types.Scene, result: VerificationResult, display: Display) -> None:
-    """Give every element its coloured surface and its verdict; objects are made where there are none."""
+    """Give every element its surface with what is known on it, and its verdict; ``paint`` colours them afterwards."""
     place = frame.stored(scene) or frame.ViewFrame()
     existing = element_objects(scene)
-    settings = scene.bim_verify
-    mode, span = colors.BY_IDENTIFIER[settings.color_mode], settings.deviation_range_mm / 1000
     grid, values = display.grid, display.values
-    material = materials.surface_material(COLOR)
     for index, (element, verdict) in enumerate(zip(result.model.elements, result.verdicts, strict=True)):
         at = slice(grid.vertex_start[index], grid.vertex_start[index + 1])
         of = slice(grid.triangle_start[index], grid.triangle_start[index + 1])
         mesh = _mesh(object_name(element), grid.vertices[at], grid.triangles[of] - at.start)
-        surface = colors.Surface(
-            verdict.status,
-            verdict.achieved_loa,
-            values.occupied[at],
-            values.empty[at],
-            values.unknown[at],
-            values.deviation[at],
-        )
-        set_attribute(mesh, OCCUPIED, "FLOAT", surface.occupied)
-        set_attribute(mesh, EMPTY, "FLOAT", surface.empty)
-        set_attribute(mesh, UNKNOWN, "FLOAT", surface.unknown)
-        set_attribute(mesh, DEVIATION, "FLOAT", surface.deviation)
-        set_attribute(mesh, COLOR, "FLOAT_COLOR", colors.rgba(mode, surface, span))
-        _make_active_color(mesh)
-        mesh.materials.append(material)
+        set_attribute(mesh, OCCUPIED, "FLOAT", values.occupied[at])
+        set_attribute(mesh, EMPTY, "FLOAT", values.empty[at])
+        set_attribute(mesh, UNKNOWN, "FLOAT", values.unknown[at])
+        set_attribute(mesh, DEVIATION, "FLOAT", values.deviation[at])
         item = _put_element(scene, existing.get(element.global_id), element, mesh, result.model.origin, place)
         _store_verdict(item, verdict)
     _store_summary(scene, result)
-
-
-def recolor(scene: bpy.types.Scene) -> None:
-    """Colour all verified elements again from their attributes, by the scene's colour mode."""
-    settings = scene.bim_verify
-    mode, span = colors.BY_IDENTIFIER[settings.color_mode], settings.deviation_range_mm / 1000
-    for item in element_objects(scene).values():
-        mesh = item.data
-        if COLOR not in mesh.attributes:
-            continue
-        surface = colors.Surface(
-            item.bim_verify.status,
-            item.bim_verify.achieved_loa,
-            *(get_attribute(mesh, name) for name in (OCCUPIED, EMPTY, UNKNOWN, DEVIATION)),
-        )
-        set_attribute(mesh, COLOR, "FLOAT_COLOR", colors.rgba(mode, surface, span))
-        mesh.update_tag()
 
 
 def show_scan(
@@ -137,7 +106,7 @@ def show_scan(
     rgba = np.ones((len(xyz), 4), dtype=np.float32)
     rgba[:, :3] = colors.scan_color(color, station)
     set_attribute(mesh, COLOR, "FLOAT_COLOR", rgba)
-    _make_active_color(mesh)
+    make_active_color(mesh)
     mesh.update()
     item = bpy.data.objects.new(name, mesh)
     item[SCAN_KEY] = path
@@ -208,13 +177,6 @@ def set_attribute(mesh: bpy.types.Mesh, name: str, kind: str, values: NDArray[np
     attribute.data.foreach_set(field, np.ascontiguousarray(values, dtype=dtype).ravel())
 
 
-def get_attribute(mesh: bpy.types.Mesh, name: str) -> NDArray[np.float32]:
-    """Read a per-vertex FLOAT attribute, (V,)."""
-    values = np.empty(len(mesh.vertices), dtype=np.float32)
-    mesh.attributes[name].data.foreach_get("value", values)
-    return values
-
-
 def object_name(element: Element) -> str:
     """``IfcWall/Name``, as Bonsai names its objects."""
     return f"{element.ifc_class}/{element.name or 'Unnamed'}"
@@ -267,7 +229,8 @@ def _remove(item: bpy.types.Object) -> None:
         bpy.data.meshes.remove(mesh)
 
 
-def _make_active_color(mesh: bpy.types.Mesh) -> None:
+def make_active_color(mesh: bpy.types.Mesh) -> None:
+    """Let solid shading and materials take ``bv_color``."""
     mesh.color_attributes.active_color_name = COLOR
     mesh.color_attributes.render_color_index = mesh.color_attributes.active_color_index
 
@@ -287,10 +250,6 @@ def _store_verdict(item: bpy.types.Object, verdict: ElementVerdict) -> None:
 
 def _store_summary(scene: bpy.types.Scene, result: VerificationResult) -> None:
     settings = scene.bim_verify
-    settings.counts.clear()
-    for status in STATUSES:
-        entry = settings.counts.add()
-        entry.status, entry.count = status, result.count(status)
     summary = result.summary()
     settings.result_summary = f"{summary['elements']} elements, {100 * summary['coverage']:.0f} % of the surface observed"
     settings.result_note = "\n".join(result.warnings)

@@ -4,7 +4,7 @@ from .align import BIMVERIFY_OT_align
 from .export_ifc import BIMVERIFY_OT_export_ifc
 from .import_ifc import BIMVERIFY_OT_import_ifc
 from .import_scan import BIMVERIFY_OT_import_scan, BIMVERIFY_OT_remove_scan
-from .select_status import BIMVERIFY_OT_select_status
+from .select_findings import BIMVERIFY_OT_select_findings
 from .show_results import BIMVERIFY_OT_show_results
 from .verify import BIMVERIFY_OT_verify
 
@@ -14,7 +14,7 @@ CLASSES = (
     BIMVERIFY_OT_remove_scan,
     BIMVERIFY_OT_align,
     BIMVERIFY_OT_verify,
-    BIMVERIFY_OT_select_status,
+    BIMVERIFY_OT_select_findings,
     BIMVERIFY_OT_show_results,
     BIMVERIFY_OT_export_ifc,
 )

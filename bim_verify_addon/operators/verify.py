@@ -11,7 +11,7 @@ from bpy.props import EnumProperty, FloatProperty
 from numpy.typing import NDArray
 
 from ...core.progress import Progress
-from .. import bonsai, project, scene
+from .. import bonsai, paint, project, scene
 from ..jobs import Job, Work
 from ..properties import ALIGN_ITEMS, DEFAULTS, LOA_ITEMS
 from ..session import SESSION
@@ -93,6 +93,7 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
         SESSION.models[context.scene.name] = result.model
         project.adopt_frame(context.scene, result.model)
         scene.show_result(context.scene, result, display)
+        paint.refresh(context.scene)
         scene.move_scans(context.scene, placement)
         scene.show_planned(context, False)
         scene.show_colors_in_views()

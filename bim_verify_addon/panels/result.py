@@ -1,17 +1,17 @@
-"""The result as a whole: counts per status, what the colours say."""
+"""The result as a whole: how many elements of each class, what the colours say."""
 
 from __future__ import annotations
 
 import bpy
 
-from ...core.report.palette import STATUS_LABELS
 from .. import bonsai
+from ..capabilities import MODES
+from ..text import wrapped
 from .steps import TAB
-from .text import wrapped
 
 
 class BIMVERIFY_PT_result(bpy.types.Panel):
-    """Counts per status, each with a button that selects these elements; colour mode and legend."""
+    """Colour mode; the classes of that mode, each with its count and a button that selects its elements."""
 
     bl_label = "Result"
     bl_idname = "BIMVERIFY_PT_result"
@@ -26,17 +26,22 @@ class BIMVERIFY_PT_result(bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = context.scene.bim_verify, self.layout
         wrapped(layout, context, settings.result_summary)
-        column = layout.column(align=True)
-        for entry in settings.counts:
-            row = column.row(align=True)
-            row.enabled = entry.count > 0
-            row.label(text=STATUS_LABELS[entry.status])
-            row.label(text=str(entry.count))
-            row.operator("bim_verify.select_status", text="", icon="RESTRICT_SELECT_OFF").status = entry.status
         layout.prop(settings, "color_mode")
         if settings.color_mode == "DEVIATION":
             layout.prop(settings, "deviation_range_mm")
         layout.prop(settings, "show_legend")
+        mode = MODES[settings.color_mode]
+        labels = {entry.identifier: entry.label for entry in mode.categories}
+        column = layout.column(align=True)
+        for entry in settings.counts:
+            if entry.mode != mode.identifier:
+                continue
+            row = column.row(align=True)
+            row.enabled = entry.count > 0
+            row.label(text=labels[entry.category])
+            row.label(text=str(entry.count))
+            select = row.operator("bim_verify.select_findings", text="", icon="RESTRICT_SELECT_OFF")
+            select.mode, select.category = entry.mode, entry.category
         if bonsai.live_file() is not None:
             row = layout.row(align=True)
             row.operator("bim_verify.show_results", text="Results").planned = False

@@ -6,6 +6,8 @@ in a grey print; wherever they are shown, a text or a sign says the same.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -14,7 +16,8 @@ from ..results import STATUSES, Status
 RGB = tuple[float, float, float]
 
 
-def _rgb(code: str) -> RGB:
+def rgb(code: str) -> RGB:
+    """``#rrggbb`` to sRGB 0..1."""
     return (int(code[1:3], 16) / 255.0, int(code[3:5], 16) / 255.0, int(code[5:7], 16) / 255.0)
 
 
@@ -25,7 +28,7 @@ STATUS_HEX: dict[Status, str] = {
     "PARTIAL": "#6cb6f0",
     "NOTOBSERVED": "#9aa2af",
 }
-STATUS_COLORS: dict[str, RGB] = {status: _rgb(STATUS_HEX[status]) for status in STATUSES}
+STATUS_COLORS: dict[str, RGB] = {status: rgb(STATUS_HEX[status]) for status in STATUSES}
 """sRGB 0..1 per status."""
 STATUS_SIGNS: dict[Status, str] = {
     "CONFIRMED": "✓", "DEVIATING": "↔", "ABSENT": "✕", "PARTIAL": "◐", "NOTOBSERVED": "?",
@@ -43,25 +46,30 @@ STATUS_MEANINGS: dict[Status, str] = {
 }
 
 BELIEF_HEX = {"occupied": "#0b8a66", "empty": "#b4123c", "unknown": "#94a0b4"}
-BELIEF_COLORS: dict[str, RGB] = {name: _rgb(code) for name, code in BELIEF_HEX.items()}
+BELIEF_COLORS: dict[str, RGB] = {name: rgb(code) for name, code in BELIEF_HEX.items()}
 """Occupied green, empty red, unknown blue-grey."""
 
 DEVIATION_STOPS = (
     "#0a468c", "#2a76ba", "#5fa5d4", "#b0d3e8", "#ebebe6", "#f3c39e", "#e2864f", "#c4531f", "#9a3208",
 )  # fmt: skip
 """Equally spaced from minus to plus the limit: blue behind the planned surface, orange-brown in front of it."""
-UNMEASURED: RGB = _rgb("#94a0b4")
+UNMEASURED: RGB = rgb("#94a0b4")
 """Where no deviation is known."""
 
 
 def deviation_color(values_m: ArrayLike, limit_m: float) -> NDArray[np.float64]:
     """(N,) signed deviations [m] to (N, 3) colours, full at ``limit_m`` and beyond; UNMEASURED where not finite."""
-    values = np.asarray(values_m, dtype=np.float64).reshape(-1)
-    known = np.isfinite(values)
-    stops = np.array([_rgb(code) for code in DEVIATION_STOPS])
-    at = np.clip(np.where(known, values, 0.0) / limit_m, -1.0, 1.0)
-    place = np.linspace(-1.0, 1.0, len(stops))
-    color = np.stack([np.interp(at, place, stops[:, channel]) for channel in range(3)], axis=1)
+    return ramp_color(values_m, -limit_m, limit_m, DEVIATION_STOPS)
+
+
+def ramp_color(values: ArrayLike, low: float, high: float, stops: Sequence[str]) -> NDArray[np.float64]:
+    """(N,) numbers to (N, 3) colours on ``stops`` (``#rrggbb``), spread evenly from ``low`` to ``high``; else UNMEASURED."""
+    number = np.asarray(values, dtype=np.float64).reshape(-1)
+    known = np.isfinite(number)
+    scale = np.array([rgb(code) for code in stops])
+    at = np.clip((np.where(known, number, low) - low) / (high - low), 0.0, 1.0)
+    place = np.linspace(0.0, 1.0, len(scale))
+    color = np.stack([np.interp(at, place, scale[:, channel]) for channel in range(3)], axis=1)
     color[~known] = UNMEASURED
     return color
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from bim_verify.bim_verify_addon import bonsai, frame, scene
-from bim_verify.bim_verify_addon.panels.element import verified_object
+from bim_verify.bim_verify_addon.panels.element import known_object
 from bim_verify.core.results import VerificationResult
 
 from .stand_in_bonsai import bonsai_holding
@@ -92,10 +92,10 @@ def test_its_meshes_are_left_alone_and_hidden_behind_the_result(
         assert all(item.hide_get() for item in ours.values())
         wall = ifc.get_object(ifc.file.by_type("IfcWall")[0])
         bpy.context.view_layer.objects.active = wall
-        found = verified_object(bpy.context)
+        found = known_object(bpy.context)
         assert found is not None
         assert found["GlobalId"] == bonsai.global_id(wall)
-        ops.select_status(status="CONFIRMED")
+        ops.select_findings(category="CONFIRMED")
         confirmed = {v.global_id for v in result.verdicts if v.status == "CONFIRMED"}
         assert {bonsai.global_id(o) for o in bpy.context.selected_objects} == confirmed
 

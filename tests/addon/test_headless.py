@@ -17,6 +17,8 @@ from bim_verify.bim_verify_addon.headless import save_blend
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.results import STATUSES, VerificationResult
 
+from .scene_facts import status_counts
+
 ROOT = Path(__file__).resolve().parent.parent.parent
 
 
@@ -83,7 +85,7 @@ def test_saved_scene_has_verdicts_and_colours(blender: bpy.types.Scene, result: 
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
     items = scene.element_objects(bpy.context.scene)
     assert {g: o.bim_verify.status for g, o in items.items()} == {v.global_id: v.status for v in result.verdicts}
-    assert [(c.status, c.count) for c in bpy.context.scene.bim_verify.counts] == [(s, result.count(s)) for s in STATUSES]
+    assert status_counts(bpy.context.scene) == [(s, result.count(s)) for s in STATUSES]
     assert [m.name for m in bpy.data.materials] == ["BIM Verify"]
     shadings = [s.shading.color_type for sc in bpy.data.screens for a in sc.areas for s in a.spaces if s.type == "VIEW_3D"]
     assert set(shadings) <= {"VERTEX"}

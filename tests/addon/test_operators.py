@@ -18,6 +18,7 @@ from bim_verify.core.report import palette
 from bim_verify.core.results import STATUSES, VerificationResult
 
 from ..core.factory import make_ifc
+from .scene_facts import status_counts
 
 ops = bpy.ops.bim_verify
 Verification = Callable[[Callable[..., VerificationResult]], None]
@@ -40,7 +41,7 @@ def contents() -> dict[str, object]:
         "collections": sorted(c.name for c in bpy.data.collections),
         "settings": {k: str(settings[k]) for k in sorted(settings.keys()) if k not in ("scans", "counts")},
         "scans": [s.path for s in settings.scans],
-        "counts": [(c.status, c.count) for c in settings.counts],
+        "counts": [(c.mode, c.category, c.count) for c in settings.counts],
         "frame": list(bpy.context.scene.get("bim_verify_frame", [])),
     }
 
@@ -154,7 +155,7 @@ def test_verify_writes_the_attributes(
         assert item.bim_verify.status == verdict.status
         assert item.bim_verify.reason == verdict.reason
         assert item.bim_verify.coverage == pytest.approx(verdict.coverage, abs=1e-6)
-    assert [(c.status, c.count) for c in prepared.bim_verify.counts] == [(s, result.count(s)) for s in STATUSES]
+    assert status_counts(prepared) == [(s, result.count(s)) for s in STATUSES]
 
 
 def test_verify_takes_its_own_options_first(
@@ -197,15 +198,15 @@ def test_colour_modes_follow_the_attributes(
     assert np.allclose(color, palette.to_linear(srgb), atol=1e-5)
 
 
-def test_select_status_selects_these_and_no_others(
+def test_select_findings_selects_these_and_no_others(
     prepared: bpy.types.Scene, result: VerificationResult, verification: Verification
 ) -> None:
     verification(lambda *_: result)
     ops.verify()
-    ops.select_status(status="ABSENT")
+    ops.select_findings(category="ABSENT")
     expected = {v.global_id for v in result.verdicts if v.status == "ABSENT"}
     assert {o["GlobalId"] for o in bpy.context.selected_objects} == expected
-    ops.select_status(status="PARTIAL", extend=True)
+    ops.select_findings(category="PARTIAL", extend=True)
     assert len(bpy.context.selected_objects) == len(expected) + result.count("PARTIAL")
 
 

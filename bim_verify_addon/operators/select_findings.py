@@ -1,25 +1,24 @@
-"""Select the elements of one verdict."""
+"""Select the elements of one class: one verdict, one change, one level reached."""
 
 from __future__ import annotations
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty
+from bpy.props import BoolProperty, StringProperty
 
-from ...core.report.palette import STATUS_LABELS, STATUS_MEANINGS
 from .. import bonsai, scene
+from ..capabilities import MODES
 
-STATUS_ITEMS = [(status, label, STATUS_MEANINGS[status]) for status, label in STATUS_LABELS.items()]
 
+class BIMVERIFY_OT_select_findings(bpy.types.Operator):
+    """Select all elements of one class."""
 
-class BIMVERIFY_OT_select_status(bpy.types.Operator):
-    """Select all elements with one status."""
-
-    bl_idname = "bim_verify.select_status"
+    bl_idname = "bim_verify.select_findings"
     bl_label = "Select These"
-    bl_description = "Select all elements with this status; Shift adds to the selection"
+    bl_description = "Select all elements of this class; Shift adds to the selection"
     bl_options = {"REGISTER", "UNDO"}
 
-    status: EnumProperty(name="Status", items=STATUS_ITEMS, description="The verdict to look for")
+    mode: StringProperty(name="Mode", default="STATUS", description="Colour mode that tells the classes apart")
+    category: StringProperty(name="Class", description="Identifier of the class to look for, as DEVIATING of STATUS")
     extend: BoolProperty(name="Extend", description="Keep what is selected")
 
     @classmethod
@@ -37,7 +36,12 @@ class BIMVERIFY_OT_select_status(bpy.types.Operator):
         return self.execute(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        chosen = {g: o for g, o in scene.element_objects(context.scene).items() if o.bim_verify.status == self.status}
+        mode = MODES.get(self.mode)
+        label = {c.identifier: c.label for c in mode.categories}.get(self.category) if mode is not None else None
+        if mode is None or mode.category is None or label is None:
+            self.report({"ERROR"}, f"There is no class {self.category!r} in the colour mode {self.mode!r}.")
+            return {"CANCELLED"}
+        chosen = {g: o for g, o in scene.element_objects(context.scene).items() if mode.category(o) == self.category}
         found = [*chosen.values(), *bonsai.objects(chosen)]
         if not self.extend:
             for item in context.view_layer.objects.selected[:]:
@@ -47,5 +51,5 @@ class BIMVERIFY_OT_select_status(bpy.types.Operator):
             item.select_set(True)
         if visible:
             context.view_layer.objects.active = visible[0]
-        self.report({"INFO"}, f"{len(chosen)} elements are {STATUS_LABELS[self.status].lower()}")
+        self.report({"INFO"}, f"{len(chosen)} elements: {label.lower()}")
         return {"FINISHED"}

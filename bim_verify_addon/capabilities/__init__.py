@@ -1,0 +1,19 @@
+"""The capabilities in the order of the work. A new one is a module here with a ``CAPABILITY``, and its name in the list."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from ..capability import Capability
+from ..colors import Mode
+
+NAMES = (
+    "model",
+    "scans",
+    "align",
+    "verify",
+    "export",
+)
+
+CAPABILITIES: tuple[Capability, ...] = tuple(import_module(f".{name}", __package__).CAPABILITY for name in NAMES)
+MODES: dict[str, Mode] = {mode.identifier: mode for capability in CAPABILITIES for mode in capability.modes}

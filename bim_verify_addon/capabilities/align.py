@@ -1,0 +1,20 @@
+"""Scans onto the model."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..capability import Capability, Step, StepState
+
+
+def _state(scene: bpy.types.Scene) -> StepState:
+    summary = scene.bim_verify.alignment_summary
+    return StepState(bool(summary), summary or "Optional: scans are taken as they are")
+
+
+def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    layout.operator_menu_enum("bim_verify.align", "mode", text="Align Scans", icon="ORIENTATION_GLOBAL")
+    layout.prop(context.scene.bim_verify, "align", text="When verifying")
+
+
+CAPABILITY = Capability("align", Step("align", "Align", _state, _draw, optional=True))

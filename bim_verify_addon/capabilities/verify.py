@@ -1,0 +1,181 @@
+"""Does the as-built evidence confirm each element: the step, its colours, its numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.report import palette
+from ...core.results import LEVELS, VerificationResult
+from .. import project
+from .. import scene as scenery
+from ..capability import Capability, Step, StepState
+from ..colors import Category, Legend, Mode, Surface, categorical, ramp
+from ..text import millimetres, percent
+
+LOA_COLORS: dict[str, palette.RGB] = {
+    "LOA50": (0.00, 0.27, 0.35),
+    "LOA40": (0.00, 0.42, 0.46),
+    "LOA30": (0.21, 0.60, 0.51),
+    "LOA20": (0.55, 0.77, 0.50),
+    "LOA10": (0.93, 0.87, 0.47),
+    "NONE": (0.71, 0.07, 0.24),
+}
+LOA_MEANINGS = {
+    "LOA50": "Within 1 mm (95 %)",
+    "LOA40": "Within 5 mm (95 %)",
+    "LOA30": "Within 15 mm (95 %)",
+    "LOA20": "Within 5 cm (95 %)",
+    "LOA10": "Within 15 cm (95 %)",
+    "NONE": "Beyond 15 cm, or not where it was planned",
+}
+
+
+def _state(scene: bpy.types.Scene) -> StepState:
+    settings = scene.bim_verify
+    if settings.counts:
+        return StepState(True, settings.result_summary)
+    if not project.has_model(settings):
+        return StepState(False, "Needs a model")
+    if not any(scan.use for scan in settings.scans):
+        return StepState(False, "Needs a scan")
+    return StepState(False, "Ready")
+
+
+def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    settings = context.scene.bim_verify
+    column = layout.column(align=True)
+    column.prop(settings, "loa")
+    column.prop(settings, "sigma_mm")
+    row = layout.row()
+    row.scale_y = 1.4
+    row.operator("bim_verify.verify", icon="VIEWZOOM")
+
+
+def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    for name in ("spacing_mm", "fusion", "threads", "memory_gb", "display_vertices"):
+        layout.prop(context.scene.bim_verify, name)
+
+
+def _loa(item: bpy.types.Object) -> str:
+    return "NOTOBSERVED" if item.bim_verify.status == "NOTOBSERVED" else item.bim_verify.achieved_loa
+
+
+def _belief(surface: Surface, _scene: bpy.types.Scene) -> NDArray[np.float64]:
+    return palette.belief_color(surface("bv_occupied"), surface("bv_empty"), surface("bv_unknown"))
+
+
+def _deviation_range(scene: bpy.types.Scene) -> tuple[float, float]:
+    reach = scene.bim_verify.deviation_range_mm / 1000
+    return -reach, reach
+
+
+def _coverage(surface: Surface) -> NDArray[np.float32]:
+    return np.full(len(surface), surface.item.bim_verify.coverage, dtype=np.float32)
+
+
+MODES: tuple[Mode, ...] = (
+    categorical(
+        "STATUS",
+        "Status",
+        "The verdict on the whole element",
+        tuple(
+            Category(status, label, palette.STATUS_MEANINGS[status], palette.STATUS_COLORS[status])
+            for status, label in palette.STATUS_LABELS.items()
+        ),
+        lambda item: item.bim_verify.status,
+    ),
+    Mode(
+        "BELIEF",
+        "Evidence",
+        "Where the scans say occupied, empty or nothing, mixed in proportion",
+        _belief,
+        lambda _: Legend(tuple((name.capitalize(), color) for name, color in palette.BELIEF_COLORS.items())),
+        lambda item: bool(item.bim_verify.status),
+    ),
+    ramp("OCCUPIED", "Belief occupied", "How far the scans prove that the surface is there", "bv_occupied", unit="%"),
+    ramp("EMPTY", "Belief empty", "How far the scans prove that nothing is there", "bv_empty", unit="%"),
+    ramp("UNKNOWN", "Belief unknown", "How much the scans leave open: nothing seen there", "bv_unknown", unit="%"),
+    ramp(
+        "DEVIATION",
+        "Deviation",
+        "Signed distance of the scan from the planned surface, along its outward normal",
+        "bv_deviation",
+        unit="mm",
+        span=_deviation_range,
+        stops=palette.DEVIATION_STOPS,
+        nothing="Not measured",
+    ),
+    categorical(
+        "LOA",
+        "Level reached",
+        "The level of accuracy that the element reaches",
+        (
+            *(Category(level, level.replace("NONE", "None"), LOA_MEANINGS[level], c) for level, c in LOA_COLORS.items()),
+            Category("NOTOBSERVED", "Not observed", palette.STATUS_MEANINGS["NOTOBSERVED"], palette.UNMEASURED),
+        ),
+        _loa,
+    ),
+    ramp("COVERAGE", "Coverage", "Share of the element's surface with evidence", _coverage, unit="%"),
+)
+
+
+def _numbers(item: bpy.types.Object) -> list[tuple[str, str]]:
+    verdict = item.bim_verify
+    if not verdict.status:
+        return []
+    shift = millimetres(verdict.displacement)
+    if verdict.displacement == verdict.displacement:
+        shift += f" ± {millimetres(1.96 * verdict.displacement_sigma)}"
+        shift += ", significant" if verdict.significant else ", not significant"
+    confirmed = dict(zip(LEVELS, verdict.confirmed_ratio, strict=True))[int(verdict.required_loa.removeprefix("LOA"))]
+    return [
+        ("Verdict", palette.STATUS_LABELS[verdict.status]),
+        ("Level", f"{verdict.achieved_loa} of {verdict.required_loa}"),
+        ("Coverage", percent(verdict.coverage)),
+        ("Occupied", percent(verdict.belief_occupied)),
+        ("Empty", percent(verdict.belief_empty)),
+        ("Unknown", percent(verdict.belief_unknown)),
+        ("Conflict", percent(verdict.conflict)),
+        (f"Within {verdict.required_loa}", percent(confirmed)),
+        ("Median deviation", millimetres(verdict.deviation_median)),
+        ("95 % deviation", millimetres(verdict.deviation_p95)),
+        ("Shift", shift),
+        ("Measurement sigma", millimetres(verdict.measurement_sigma)),
+        ("Registration sigma", millimetres(verdict.registration_sigma)),
+        ("Samples", f"{verdict.observed_count} of {verdict.sample_count} observed"),
+        ("Seen by", verdict.stations),
+    ]
+
+
+def show(scene: bpy.types.Scene, result: Any) -> bool:
+    """Fill an empty scene with a verification."""
+    if not isinstance(result, VerificationResult):
+        return False
+    from ..surface_grid import make_display
+
+    settings = scene.bim_verify
+    display = make_display(result, settings.display_vertices)
+    settings.model_path = str(Path(result.model.path).resolve())
+    for path in result.scan_paths:
+        entry = settings.scans.add()
+        entry.path, entry.name = str(Path(path).resolve()), Path(path).name
+    settings.loa, settings.sigma_mm = str(result.options.loa), 1000 * result.options.sigma
+    settings.align = result.options.align
+    project.adopt_frame(scene, result.model)
+    scenery.show_result(scene, result, display)
+    return True
+
+
+CAPABILITY = Capability(
+    "verify",
+    Step("verify", "Verify", _state, _draw, _expert),
+    MODES,
+    numbers=_numbers,
+    why=lambda item: item.bim_verify.reason,
+    show=show,
+)
