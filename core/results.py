@@ -59,6 +59,19 @@ class ElementVerdict:
 
 
 @dataclass(frozen=True)
+class Decision:
+    """A person's word over a verdict. The verdict itself stays as it was computed."""
+
+    status: Status
+    reason: str
+    author: str
+    date: str
+    """ISO 8601, the day."""
+    computed: str
+    """The verdict that was overruled."""
+
+
+@dataclass(frozen=True)
 class SampleEvidence:
     """Per-sample evidence, aligned with ``SurfaceSamples``. NaN where nothing was measured."""
 
@@ -125,6 +138,13 @@ class VerificationResult:
     timings: dict[str, float] = field(default_factory=dict)
     """Seconds per stage."""
     warnings: tuple[str, ...] = ()
+    decisions: dict[str, Decision] = field(default_factory=dict)
+    """GlobalId -> what a person decided instead."""
+
+    def status_of(self, verdict: ElementVerdict) -> Status:
+        """What holds for an element: a person's decision, else the computed verdict."""
+        decision = self.decisions.get(verdict.global_id)
+        return verdict.status if decision is None else decision.status
 
     def count(self, status: Status) -> int:
         """Number of elements with this status."""

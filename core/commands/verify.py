@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 from ..errors import BimVerifyError
@@ -10,7 +11,9 @@ from ..options import VerifyOptions
 from ..progress import Progress
 from ..results import STATUSES, VerificationResult
 from ..sensing.presets import PRESETS
+from . import exports
 from .checks import check_folder, check_outputs, parse_origin, refuse_inputs, refuse_same
+from .earlier import earlier_decisions, still_there
 from .table import COMMON, MODEL, ORIGIN, SCANS, Argument, Command, Outcome, Values
 
 DEFAULT = VerifyOptions()
@@ -51,23 +54,27 @@ def _verify(values: Values, progress: Progress) -> Outcome:
 
     options = verify_options(values)
     inputs = [values["model"], *values["scan"]]
-    outputs = [values[key] for key in ("out", "samples", "json") if values[key]]
+    outputs = [values[key] for key in ("out", "samples", "json", *exports.KEYS) if values[key]]
     check_outputs(inputs, outputs)
     if values["report"]:
         refuse_same(values["report"], outputs)
         check_folder(values["report"])
         refuse_inputs(inputs, [str(Path(values["report"]) / name) for name in (PAGE, TABLE)])
-    result = verify(values["model"], values["scan"], options, progress.part(0.0, 0.85))
+    decisions = earlier_decisions(values["model"], values["out"], values["decisions"])
+    found = verify(values["model"], values["scan"], options, progress.part(0.0, 0.8))
+    result = replace(found, decisions=still_there(decisions, found))
     lines = [*summary_lines(result), f"Property sets: {values['out']}"]
     if values["report"]:
         lines.append(f"Report: {Path(values['report']) / PAGE}")
+    lines += exports.lines(values, result)
 
     def write() -> None:
         write_verified_ifc(values["model"], result, values["out"])
         if values["samples"]:
             write_samples(values["samples"], result)
         if values["report"]:
-            write_report(values["report"], result, progress=progress.part(0.85, 1.0))
+            write_report(values["report"], result, progress=progress.part(0.8, 0.9))
+        exports.write(values, result, progress.part(0.9, 1.0))
 
     return Outcome(lines, result_to_json(result), result, write)
 
@@ -81,6 +88,8 @@ def summary_lines(result: VerificationResult) -> list[str]:
     record = result.alignment
     if record.mode != "none":
         lines.append(f"Alignment ({record.mode}): {record.weakest_direction or 'all six directions are fixed'}")
+    if result.decisions:
+        lines.append(f"{len(result.decisions)} verdicts are overruled by a person; the computed ones are kept beside them.")
     lines += [f"Note: {warning}" for warning in result.warnings[:5]]
     if len(result.warnings) > 5:
         lines.append(f"Note: {len(result.warnings) - 5} more notes are in the report.")
@@ -115,6 +124,8 @@ COMMAND = Command(
         ORIGIN,
         Argument("--samples", "PLY file of all query positions with their evidence"),
         Argument("--report", "folder for the report (one HTML page, one CSV)"),
+        Argument("--decisions", "IFC file with a person's decisions (default: those in MODEL and in an earlier --out)"),
+        *exports.ARGUMENTS,
         *COMMON,
     ),
     _verify,

@@ -31,6 +31,8 @@ def write_verified_ifc(
     ``out`` is the source itself, when the source cannot be read, when it holds none of the verified elements, or when
     ``out`` cannot be written; nothing is left behind then.
     """
+    from .decisions import apply_decisions
+
     source, target = Path(source_ifc), Path(out)
     if _same_file(source, target):
         raise BimVerifyError(f"{target} is the input model, which is never written to. Give another output name.")
@@ -38,6 +40,7 @@ def write_verified_ifc(
         file = open_ifc(source)
         if not apply_psets(file, result, progress=progress) and result.verdicts:
             raise BimVerifyError(f"{source} holds none of the verified elements. Give the model that was verified.")
+        apply_decisions(file, result.decisions)
         if not _write_whole(file, temporary):
             raise BimVerifyError(f"Cannot write {target}: the disk is full. Free some space or choose another place.")
 
@@ -53,18 +56,18 @@ def apply_psets(ifc_file: Any, result: VerificationResult, *, progress: Progress
 
     progress = progress or Progress()
     unit_m = float(ifcopenshell.util.unit.calculate_unit_scale(ifc_file))
-    _require_owner(ifc_file)
+    require_owner(ifc_file)
     scan_source = _scan_source(result.scan_paths)
     found = 0
     for row, (element, verdict) in enumerate(zip(result.model.elements, result.verdicts, strict=True)):
         progress.update(row / len(result.verdicts), "Writing property sets")
-        product = _find(ifc_file, verdict.global_id, element.step_id)
+        product = element_by_id(ifc_file, verdict.global_id, element.step_id)
         if product is None:
             continue
         found += 1
         typed = verification_properties(verdict, scan_source, result.scan_date, result.method)
         properties = {name: _entity(ifc_file, kind, value, unit_m) for name, (kind, value) in typed.items()}
-        pset = _own_set(ifc_file, product)
+        pset = own_set(ifc_file, product)
         if pset is None:
             pset = ifcopenshell.api.pset.add_pset(ifc_file, product=product, name=PSET_NAME)
         properties |= {p.Name: None for p in pset.HasProperties or () if p.Name not in properties}
@@ -130,9 +133,9 @@ def _scan_source(paths: tuple[str, ...]) -> str:
     return names[0][:LONGEST_LABEL] if names else ""
 
 
-def _find(file: Any, global_id: str, step_id: int) -> Any | None:
-    """The element, by STEP id first, because some files use a GlobalId twice."""
-    for key in (step_id, global_id):
+def element_by_id(file: Any, global_id: str, step_id: int = 0) -> Any | None:
+    """The element, by STEP id first (if given), because some files use a GlobalId twice; None if it is not there."""
+    for key in (step_id, global_id) if step_id else (global_id,):
         try:
             found = file[key]
         except RuntimeError:
@@ -142,12 +145,12 @@ def _find(file: Any, global_id: str, step_id: int) -> Any | None:
     return None
 
 
-def _own_set(file: Any, product: Any) -> Any | None:
-    """The element's own BimVerify set, safe to edit without touching anything else; extra and shared ones detached."""
+def own_set(file: Any, product: Any, name: str = PSET_NAME) -> Any | None:
+    """The element's own set of that name, safe to edit without touching anything else; extra and shared ones detached."""
     import ifcopenshell.api.pset
 
     own = None
-    for relation, pset in list(_sets(product)):
+    for relation, pset in list(_sets(product, name)):
         if len(relation.RelatedObjects) > 1:
             relation.RelatedObjects = [o for o in relation.RelatedObjects if o != product]
         elif file.get_total_inverses(pset) > 1:
@@ -161,12 +164,12 @@ def _own_set(file: Any, product: Any) -> Any | None:
     return own
 
 
-def _sets(product: Any) -> Iterator[tuple[Any, Any]]:
+def _sets(product: Any, name: str) -> Iterator[tuple[Any, Any]]:
     for relation in product.IsDefinedBy or ():
         if not relation.is_a("IfcRelDefinesByProperties"):
             continue
         pset = relation.RelatingPropertyDefinition
-        if pset.is_entity() and pset.is_a("IfcPropertySet") and pset.Name == PSET_NAME:
+        if pset.is_entity() and pset.is_a("IfcPropertySet") and pset.Name == name:
             yield relation, pset
 
 
@@ -198,7 +201,7 @@ def _keep_plain_properties(file: Any, pset: Any) -> None:
                 ifcopenshell.util.element.remove_deep2(file, prop)
 
 
-def _require_owner(file: Any) -> None:
+def require_owner(file: Any) -> None:
     """IFC2X3 demands an owner on every set: add a person and an application where the file has none."""
     if file.schema != "IFC2X3":
         return

@@ -5,10 +5,11 @@ from __future__ import annotations
 import csv
 import io
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 from ..files import whole_file
-from ..results import LEVELS, ElementVerdict, VerificationResult
+from ..results import LEVELS, VerificationResult
 
 FORMULA_STARTS = tuple("=+-@＝＋－＠\t\r\n")
 """A cell that begins with one of these may be run by a spreadsheet."""
@@ -20,15 +21,35 @@ NUMBER_COLUMNS = (
     "Displacement_mm", "DisplacementX_mm", "DisplacementY_mm", "DisplacementZ_mm", "DisplacementSigma_mm",
     "Significant", "MeasurementSigma_mm", "RegistrationSigma_mm",
 )  # fmt: skip
+HEADER = (*TEXT_COLUMNS, *NUMBER_COLUMNS, "Stations", "Reason", "Decided", "DecidedBy", "DecisionReason")
+Cell = str | float | int | bool | None
+
+
+def elements_rows(result: VerificationResult) -> Iterator[list[Cell]]:
+    """One row per element under ``HEADER``: shares 0..1, lengths in millimetres, None where nothing is known."""
+    for v in result.verdicts:
+        shift = v.displacement_vector or (None, None, None)
+        decision = result.decisions.get(v.global_id)
+        yield [
+            v.global_id, v.ifc_class, v.name, v.storey, v.status, v.required_loa, v.achieved_loa,
+            v.coverage, v.belief_occupied, v.belief_empty, v.belief_unknown, v.conflict,
+            *(v.confirmed_ratio.get(level) for level in LEVELS),
+            v.sample_count, v.observed_count, v.area,
+            *(_mm(x) for x in (v.deviation_median, v.deviation_p95, v.displacement, *shift, v.displacement_sigma)),
+            None if v.significant is None else bool(v.significant),
+            _mm(v.measurement_sigma), _mm(v.registration_sigma),
+            "; ".join(v.stations), v.reason,
+            *((decision.status, decision.author, decision.reason) if decision is not None else (None, None, None)),
+        ]  # fmt: skip
 
 
 def elements_csv(result: VerificationResult) -> bytes:
     """One line per element, UTF-8 with a byte order mark, lengths in millimetres, empty where nothing is known."""
     text = io.StringIO(newline="")
     writer = csv.writer(text)
-    writer.writerow([*TEXT_COLUMNS, *NUMBER_COLUMNS, "Stations", "Reason"])
-    for verdict in result.verdicts:
-        writer.writerow(_line(verdict))
+    writer.writerow(HEADER)
+    for row in elements_rows(result):
+        writer.writerow([_cell(name, value) for name, value in zip(HEADER, row, strict=True)])
     return b"\xef\xbb\xbf" + text.getvalue().encode("utf-8", "replace")
 
 
@@ -43,24 +64,15 @@ def guard(text: str) -> str:
     return "'" + text if text.startswith(FORMULA_STARTS) or text.lstrip().startswith(FORMULA_STARTS) else text
 
 
-def _line(v: ElementVerdict) -> list[str]:
-    texts = (v.global_id, v.ifc_class, v.name, v.storey, v.status, v.required_loa, v.achieved_loa)
-    shift = v.displacement_vector or (None, None, None)
-    return [
-        *(guard(text) for text in texts),
-        *(_number(x) for x in (v.coverage, v.belief_occupied, v.belief_empty, v.belief_unknown, v.conflict)),
-        *(_number(v.confirmed_ratio.get(level)) for level in LEVELS),
-        str(v.sample_count), str(v.observed_count), _number(v.area),
-        *(_mm(x) for x in (v.deviation_median, v.deviation_p95, v.displacement, *shift, v.displacement_sigma)),
-        "" if v.significant is None else str(bool(v.significant)).upper(),
-        _mm(v.measurement_sigma), _mm(v.registration_sigma),
-        guard("; ".join(v.stations)), guard(v.reason),
-    ]  # fmt: skip
+def _cell(name: str, value: Cell) -> str:
+    if isinstance(value, str):
+        return guard(value)
+    if value is None or not math.isfinite(value):
+        return ""
+    if isinstance(value, bool):
+        return str(value).upper()
+    return str(value) if isinstance(value, int) else f"{value:.{2 if name.endswith('_mm') else 4}f}"
 
 
-def _number(value: float | None, digits: int = 4) -> str:
-    return "" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
-
-
-def _mm(value: float | None) -> str:
-    return _number(None if value is None else value * 1000.0, 2)
+def _mm(value: float | None) -> float | None:
+    return None if value is None else value * 1000.0

@@ -1,0 +1,62 @@
+"""From where a finding is best seen: a parallel camera that looks at one element and starts where nothing hides it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model.elements import BuildingModel
+from ..model.raycast import RayScene
+from ..report.camera import Camera
+
+AZIMUTHS_DEG = tuple(range(15, 375, 30))
+ELEVATIONS_DEG = (25.0, 55.0, 8.0)
+PROBES = 48
+"""Places on the element that are looked at from each side."""
+SURROUNDINGS = 2.2
+"""Width of the view, in sizes of the element: enough around it to know where one is."""
+LEAST_WIDTH_M = 1.5
+MOST_REACH_M = 30.0
+LIFT_M = 0.005
+
+
+def finding_camera(
+    model: BuildingModel, row: int, probes: NDArray[np.float64], normals: NDArray[np.float64], scene: RayScene,
+    aspect: float,
+) -> Camera:  # fmt: skip
+    """The camera for element ``row``, local frame.
+
+    ``probes`` (N, 3) are places on its surface with outward ``normals`` (N, 3). Of all sides the one is taken from which
+    most of them are in free sight, and the picture begins as far away as the sight reaches.
+    """
+    corners = model.vertices[model.triangles[model.triangle_start[row] : model.triangle_start[row + 1]]].reshape(-1, 3)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    size = float(np.linalg.norm(high - low))
+    step = max(len(probes) // PROBES, 1)
+    place, normal = probes[::step], normals[::step]
+    if not len(place):
+        place, normal = 0.5 * (low + high)[None], np.zeros((1, 3))
+    width = max(SURROUNDINGS * max(size, 1e-3), LEAST_WIDTH_M)
+    least = 0.5 * size + 0.3
+    best, best_score = (-_toward(225, 25), least), -1.0
+    for elevation in ELEVATIONS_DEG:
+        for azimuth in AZIMUTHS_DEG:
+            toward = _toward(azimuth, elevation)
+            facing = np.maximum(normal @ toward, 0.0) if np.any(normal) else np.ones(len(place))
+            start = place + LIFT_M * normal
+            free, _ = scene.first_hit(start, np.broadcast_to(toward, start.shape), MOST_REACH_M)
+            free = np.minimum(free, MOST_REACH_M)
+            for reach in (MOST_REACH_M, 3 * width, width, least):
+                score = float((facing * (free >= reach)).sum()) + 1e-3 * min(reach, 3 * width) / width
+                if score > best_score + 1e-9:
+                    best, best_score = (-toward, reach), score
+    forward, reach = best
+    right = np.cross(forward, (0.0, 0.0, 1.0))
+    up = np.cross(right / np.linalg.norm(right), forward)
+    return Camera(0.5 * (low + high), forward, up, width * max(aspect, 1.0) / 1.3, max(reach, least))
+
+
+def _toward(azimuth: float, elevation: float) -> NDArray[np.float64]:
+    """From the element to the viewer, unit vector."""
+    a, e = np.radians(azimuth), np.radians(elevation)
+    return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
