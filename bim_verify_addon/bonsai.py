@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import bpy
@@ -67,6 +67,33 @@ def objects(global_ids: Iterable[str]) -> Iterator[bpy.types.Object]:
             continue
         if (item := ifc.get_object(element)) is not None:
             yield item
+
+
+def change_file(context: bpy.types.Context, name: str, change: Callable[[Any], object]) -> None:
+    """Let ``change`` edit Bonsai's file as one step of its own undo, mark it unsaved and bring its panels up to date.
+
+    ``name``: of the operator that does it. Blender's undo step of that operator then takes the edit back too.
+    """
+    file = live_file()
+    if file is None:
+        return
+    store = getattr(sys.modules.get("bonsai.bim.ifc"), "IfcStore", None)
+    if store is None:
+        change(file)
+        return
+    store.execute_ifc_operator(_Step(name, lambda: change(file)), context)
+
+
+class _Step:
+    """What Bonsai expects of one of its operators, around an edit of ours."""
+
+    def __init__(self, name: str, change: Callable[[], object]) -> None:
+        self.bl_idname = name
+        self._change = change
+
+    def _execute(self, context: bpy.types.Context) -> set[str]:
+        self._change()
+        return {"FINISHED"}
 
 
 def _ifc() -> Any | None:

@@ -1,7 +1,8 @@
-"""The legend in the 3D view: what the colours mean, with units and range."""
+"""In the 3D view: what the colours mean, with units and range, and the numbers of the active element."""
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import blf
@@ -10,13 +11,20 @@ import gpu
 from gpu_extras.batch import batch_for_shader
 
 from . import colors
-from .capabilities import MODES
+from .capabilities import CAPABILITIES, MODES
+from .known import known_object
 from .preferences import legend_size
 
 _handle: Any = None
 MARGIN = 20
 RAMP_LINES = 9
 """Height of a ramp, in lines of text."""
+
+PLATE = (0.1, 0.1, 0.1, 0.75)
+LINE_LENGTH = 60
+"""Characters in a line of the numbers."""
+MOST_ROWS = 9
+"""Numbers of one capability that are drawn; the panel has them all."""
 
 Linear = tuple[float, float, float, float]
 
@@ -49,18 +57,27 @@ def legend(scene: bpy.types.Scene) -> colors.Legend:
 def _draw() -> None:
     context = bpy.context
     settings = context.scene.bim_verify
-    if not settings.show_legend or not settings.counts:
+    if not settings.counts:
         return
     scale = context.preferences.system.ui_scale
     size = legend_size(context) * scale
+    gpu.state.blend_set("ALPHA")
+    if settings.show_legend:
+        _draw_legend(context, size, scale)
+    if settings.show_numbers:
+        _draw_numbers(context, size, scale)
+    gpu.state.blend_set("NONE")
+
+
+def _draw_legend(context: bpy.types.Context, size: float, scale: float) -> None:
+    settings = context.scene.bim_verify
     shown, title, step = legend(context.scene), MODES[settings.color_mode].label, 1.6 * size
     texts = [title, *(text for text, _ in shown.swatches), *(text for _, text in (shown.ramp.ticks if shown.ramp else ()))]
     blf.size(0, size)
     width = max(blf.dimensions(0, text)[0] for text in texts) + 3.2 * size
     left, bottom = MARGIN * scale, MARGIN * scale
     lines = len(shown.swatches) + (RAMP_LINES if shown.ramp else 0) + 1
-    gpu.state.blend_set("ALPHA")
-    _rectangle(left - 0.6 * size, bottom - 0.6 * size, width, lines * step + 0.8 * size, (0.1, 0.1, 0.1, 0.75))
+    _rectangle(left - 0.6 * size, bottom - 0.6 * size, width, lines * step + 0.8 * size, PLATE)
     y = bottom
     for text, color in reversed(shown.swatches):
         _rectangle(left, y, size, size, (*color, 1.0))
@@ -70,7 +87,36 @@ def _draw() -> None:
         _ramp(left, y, size, (RAMP_LINES - 1) * step, shown.ramp)
         y += RAMP_LINES * step
     _text(left, y + 0.2 * size, title, size)
-    gpu.state.blend_set("NONE")
+
+
+def numbers(context: bpy.types.Context) -> list[str]:
+    """Lines on the active element: what it is, why it got its verdict, the numbers that matter."""
+    item = known_object(context)
+    if item is None:
+        return []
+    lines = [f"{item.bim_verify.ifc_class}  {item.bim_verify.element_name or 'unnamed'}"]
+    for capability in CAPABILITIES:
+        rows = capability.numbers(item) if capability.numbers is not None else []
+        if rows and capability.why is not None:
+            lines += textwrap.wrap(capability.why(item), LINE_LENGTH)
+        lines += [f"{name}: {value}" for name, value in rows if value not in ("", "–")][:MOST_ROWS]
+    return lines
+
+
+def _draw_numbers(context: bpy.types.Context, size: float, scale: float) -> None:
+    lines = numbers(context)
+    if not lines:
+        return
+    step = 1.5 * size
+    blf.size(0, size)
+    width = max(blf.dimensions(0, line)[0] for line in lines) + 1.2 * size
+    height = len(lines) * step + 0.8 * size
+    right = next((r.width for r in context.area.regions if r.type == "UI"), 0)
+    left = context.region.width - right - width - MARGIN * scale
+    bottom = MARGIN * scale
+    _rectangle(left, bottom - 0.6 * size, width, height, PLATE)
+    for row, line in enumerate(reversed(lines)):
+        _text(left + 0.6 * size, bottom + row * step, line, size)
 
 
 def _ramp(x: float, y: float, size: float, height: float, ramp: colors.Ramp) -> None:

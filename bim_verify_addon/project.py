@@ -20,6 +20,7 @@ from .session import SESSION
 
 if TYPE_CHECKING:
     from ..core.model.elements import BuildingModel
+    from ..core.results import VerificationResult
 
 
 def options(settings: bpy.types.PropertyGroup) -> VerifyOptions:
@@ -51,6 +52,14 @@ def scanner_position(text: str) -> tuple[float, float, float] | None:
 def scan_paths(settings: bpy.types.PropertyGroup) -> list[str]:
     """The scan files in use, absolute."""
     return [bpy.path.abspath(scan.path) for scan in settings.scans if scan.use]
+
+
+def result(scene: bpy.types.Scene) -> VerificationResult | None:
+    """The result that the scene shows, with the decisions made since; None when it is not in memory (any more)."""
+    from . import verdicts
+
+    found = SESSION.results.get(scene.bim_verify.result_key)
+    return None if found is None else replace(found, decisions=verdicts.decisions(scene))
 
 
 def model_path(settings: bpy.types.PropertyGroup) -> str:

@@ -59,6 +59,12 @@ def _recolor(settings: BimVerifySettings, context: bpy.types.Context) -> None:
     recolor(settings.id_data)
 
 
+def _resize_points(settings: BimVerifySettings, context: bpy.types.Context) -> None:
+    from .point_display import set_point_size
+
+    set_point_size(settings.point_size_mm / 1000)
+
+
 class BimVerifyScan(bpy.types.PropertyGroup):
     """One scan file of the campaign."""
 
@@ -104,6 +110,10 @@ class BimVerifyElement(bpy.types.PropertyGroup):
     registration_sigma: FloatProperty(name="Registration sigma")
     reason: StringProperty(name="Why")
     stations: StringProperty(name="Seen by")
+    decided_status: StringProperty(name="Decided", description="What a person decided instead; empty: as computed")
+    decision_reason: StringProperty(name="Reason")
+    decided_by: StringProperty(name="Decided by")
+    decided_on: StringProperty(name="Decided on")
 
 
 class BimVerifySettings(bpy.types.PropertyGroup):
@@ -186,8 +196,25 @@ class BimVerifySettings(bpy.types.PropertyGroup):
         description="Deviation with full colour, millimetres",
         update=_recolor,
     )
+    show_numbers: BoolProperty(
+        name="Numbers", default=True, description="Write the numbers of the active element into the 3D view, and why"
+    )
+    selected_only: BoolProperty(
+        name="Selected elements only",
+        default=False,
+        description="Give verdicts to the selected elements only; the others keep what they have",
+    )
+    point_size_mm: FloatProperty(
+        name="Point size (mm)",
+        default=10.0,
+        min=0.1,
+        soft_max=100,
+        description="Diameter at which points of the scans are drawn and rendered, millimetres",
+        update=_resize_points,
+    )
     show_legend: BoolProperty(name="Legend", default=True, description="Draw the meaning of the colours in the 3D view")
     counts: CollectionProperty(type=BimVerifyCount)
+    result_key: StringProperty(description="Names the result in memory; undo brings an earlier one back")
     result_summary: StringProperty()
     result_note: StringProperty()
     alignment_summary: StringProperty()

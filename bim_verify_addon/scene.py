@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import bpy
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..core.model.elements import BuildingModel, Element
 from ..core.results import LEVELS, ElementVerdict, VerificationResult
 from . import bonsai, colors, frame
+from .point_display import show_as_points
 from .surface_grid import Display, second_sides
 
 ROOT = "BIM Verify"
@@ -67,12 +68,19 @@ def show_model(scene: bpy.types.Scene, model: BuildingModel) -> None:
         _remove(item)
 
 
-def show_result(scene: bpy.types.Scene, result: VerificationResult, display: Display) -> None:
-    """Give every element its surface with what is known on it, and its verdict; ``paint`` colours them afterwards."""
+def show_result(
+    scene: bpy.types.Scene, result: VerificationResult, display: Display, only: Collection[str] | None = None
+) -> None:
+    """Give every element its surface with what is known on it, and its verdict; ``paint`` colours them afterwards.
+
+    ``only``: GlobalIds of the elements that are touched; None for all.
+    """
     place = frame.stored(scene) or frame.ViewFrame()
     existing = element_objects(scene)
     grid, values = display.grid, display.values
     for index, (element, verdict) in enumerate(zip(result.model.elements, result.verdicts, strict=True)):
+        if only is not None and element.global_id not in only:
+            continue
         at = slice(grid.vertex_start[index], grid.vertex_start[index + 1])
         of = slice(grid.triangle_start[index], grid.triangle_start[index + 1])
         mesh = _mesh(object_name(element), grid.vertices[at], grid.triangles[of] - at.start)
@@ -110,6 +118,7 @@ def show_scan(
     mesh.update()
     item = bpy.data.objects.new(name, mesh)
     item[SCAN_KEY] = path
+    show_as_points(item, scene.bim_verify.point_size_mm / 1000)
     item[frame.ORIGIN_KEY] = [float(v) for v in middle]
     frame.place(item, frame.stored(scene) or frame.ViewFrame())
     collection(scene, SCANS).objects.link(item)

@@ -13,14 +13,25 @@ def _state(scene: bpy.types.Scene) -> StepState:
     settings = scene.bim_verify
     if settings.exported_path:
         return StepState(True, f"Written: {settings.exported_path}")
-    if scene.name in SESSION.results:
+    if settings.result_key in SESSION.results:
         in_bonsai = bonsai.live_file() is not None
         return StepState(in_bonsai, "In Bonsai's project: save it there" if in_bonsai else "Ready")
     return StepState(False, "Verify again in this session" if settings.counts else "Needs a result")
 
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    layout.operator("bim_verify.export_ifc", icon="EXPORT")
+    row = layout.row()
+    row.scale_y = 1.4
+    row.operator("bim_verify.export_ifc", icon="EXPORT")
+    column = layout.column(align=True)
+    column.operator("bim_verify.export_bcf", icon="BOOKMARKS")
+    column.operator("bim_verify.report", icon="TEXT")
+    column.operator("bim_verify.export_table", icon="SPREADSHEET")
 
 
-CAPABILITY = Capability("export", Step("export", "Export", _state, _draw))
+def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    layout.operator("bim_verify.export_ids", icon="CHECKBOX_HLT")
+    layout.operator("bim_verify.export_templates", icon="PRESET")
+
+
+CAPABILITY = Capability("export", Step("export", "Export", _state, _draw, _expert))

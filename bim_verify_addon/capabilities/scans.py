@@ -36,7 +36,7 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    for name in ("scan_frame", "origin", "display_points"):
+    for name in ("scan_frame", "origin", "display_points", "point_size_mm"):
         layout.prop(context.scene.bim_verify, name)
 
 

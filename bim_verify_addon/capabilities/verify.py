@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...core.report import palette
 from ...core.results import LEVELS, VerificationResult
-from .. import project
+from .. import project, verdicts
 from .. import scene as scenery
 from ..capability import Capability, Step, StepState
 from ..colors import Category, Legend, Mode, Surface, categorical, ramp
@@ -51,6 +51,7 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column = layout.column(align=True)
     column.prop(settings, "loa")
     column.prop(settings, "sigma_mm")
+    column.prop(settings, "selected_only")
     row = layout.row()
     row.scale_y = 1.4
     row.operator("bim_verify.verify", icon="VIEWZOOM")
@@ -87,7 +88,7 @@ MODES: tuple[Mode, ...] = (
             Category(status, label, palette.STATUS_MEANINGS[status], palette.STATUS_COLORS[status])
             for status, label in palette.STATUS_LABELS.items()
         ),
-        lambda item: item.bim_verify.status,
+        verdicts.status,
     ),
     Mode(
         "BELIEF",
@@ -133,7 +134,14 @@ def _numbers(item: bpy.types.Object) -> list[tuple[str, str]]:
         shift += f" ± {millimetres(1.96 * verdict.displacement_sigma)}"
         shift += ", significant" if verdict.significant else ", not significant"
     confirmed = dict(zip(LEVELS, verdict.confirmed_ratio, strict=True))[int(verdict.required_loa.removeprefix("LOA"))]
+    decided = []
+    if verdict.decided_status:
+        decided = [
+            ("Decided", palette.STATUS_LABELS.get(verdict.decided_status, "")),
+            ("By", f"{verdict.decided_by or 'a person'}, {verdict.decided_on}"),
+        ]
     return [
+        *decided,
         ("Verdict", palette.STATUS_LABELS[verdict.status]),
         ("Level", f"{verdict.achieved_loa} of {verdict.required_loa}"),
         ("Coverage", percent(verdict.coverage)),
@@ -152,6 +160,11 @@ def _numbers(item: bpy.types.Object) -> list[tuple[str, str]]:
     ]
 
 
+def _why(item: bpy.types.Object) -> str:
+    stored = item.bim_verify
+    return f"Decided: {stored.decision_reason}\nComputed: {stored.reason}" if stored.decided_status else stored.reason
+
+
 def show(scene: bpy.types.Scene, result: Any) -> bool:
     """Fill an empty scene with a verification."""
     if not isinstance(result, VerificationResult):
@@ -168,6 +181,7 @@ def show(scene: bpy.types.Scene, result: Any) -> bool:
     settings.align = result.options.align
     project.adopt_frame(scene, result.model)
     scenery.show_result(scene, result, display)
+    verdicts.store_all(scene, result)
     return True
 
 
@@ -176,6 +190,6 @@ CAPABILITY = Capability(
     Step("verify", "Verify", _state, _draw, _expert),
     MODES,
     numbers=_numbers,
-    why=lambda item: item.bim_verify.reason,
+    why=_why,
     show=show,
 )

@@ -1,12 +1,21 @@
 """One file an operator; ``CLASSES`` is what is registered."""
 
 from .align import BIMVERIFY_OT_align
+from .decide import BIMVERIFY_OT_decide
+from .export_bcf import BIMVERIFY_OT_export_bcf
 from .export_ifc import BIMVERIFY_OT_export_ifc
+from .export_other import (
+    BIMVERIFY_OT_export_ids,
+    BIMVERIFY_OT_export_table,
+    BIMVERIFY_OT_export_templates,
+    BIMVERIFY_OT_report,
+)
 from .import_ifc import BIMVERIFY_OT_import_ifc
 from .import_scan import BIMVERIFY_OT_import_scan, BIMVERIFY_OT_remove_scan
 from .select_findings import BIMVERIFY_OT_select_findings
 from .show_results import BIMVERIFY_OT_show_results
 from .verify import BIMVERIFY_OT_verify
+from .walk_findings import BIMVERIFY_OT_isolate_findings, BIMVERIFY_OT_step_finding
 
 CLASSES = (
     BIMVERIFY_OT_import_ifc,
@@ -15,6 +24,14 @@ CLASSES = (
     BIMVERIFY_OT_align,
     BIMVERIFY_OT_verify,
     BIMVERIFY_OT_select_findings,
+    BIMVERIFY_OT_step_finding,
+    BIMVERIFY_OT_isolate_findings,
     BIMVERIFY_OT_show_results,
+    BIMVERIFY_OT_decide,
     BIMVERIFY_OT_export_ifc,
+    BIMVERIFY_OT_export_bcf,
+    BIMVERIFY_OT_report,
+    BIMVERIFY_OT_export_table,
+    BIMVERIFY_OT_export_ids,
+    BIMVERIFY_OT_export_templates,
 )

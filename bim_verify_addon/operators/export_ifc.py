@@ -9,9 +9,8 @@ from bpy.props import BoolProperty, StringProperty
 
 from ...core.errors import BimVerifyError
 from ...core.files import whole_file
-from .. import bonsai
-from ..session import SESSION
-from .file_browser import idle
+from .. import bonsai, project
+from .file_browser import has_result, idle
 
 
 class BIMVERIFY_OT_export_ifc(bpy.types.Operator):
@@ -31,14 +30,11 @@ class BIMVERIFY_OT_export_ifc(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if context.scene.name not in SESSION.results:
-            cls.poll_message_set("Verify first: there is no result to write")
-            return False
-        return idle(cls)
+        return has_result(cls, context) and idle(cls)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if not self.filepath:
-            source = Path(SESSION.results[context.scene.name].model.path)
+            source = Path(project.result(context.scene).model.path)
             self.filepath = str(source.with_name(f"{source.stem}_verified.ifc"))
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
@@ -46,7 +42,7 @@ class BIMVERIFY_OT_export_ifc(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         from ...core.model.write_psets import write_verified_ifc
 
-        result = SESSION.results[context.scene.name]
+        result = project.result(context.scene)
         out = Path(bpy.path.abspath(self.filepath)).with_suffix(".ifc")
         try:
             if not self.filepath:

@@ -47,3 +47,12 @@ def idle(cls: type[bpy.types.Operator]) -> bool:
         cls.poll_message_set(f"{SESSION.job.title} is running; wait for it or press Esc")
         return False
     return True
+
+
+def has_result(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
+    """Part of ``poll``: the result that the scene shows is in memory."""
+    settings = context.scene.bim_verify
+    if settings.result_key in SESSION.results:
+        return True
+    cls.poll_message_set("Verify again: the result is not in memory" if settings.counts else "Verify first: there is no result")
+    return False

@@ -23,25 +23,16 @@ class BIMVERIFY_OT_select_findings(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not context.scene.bim_verify.counts:
-            cls.poll_message_set("Verify first")
-            return False
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Leave edit mode first")
-            return False
-        return True
+        return needs_findings(cls, context)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         self.extend = event.shift
         return self.execute(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        mode = MODES.get(self.mode)
-        label = {c.identifier: c.label for c in mode.categories}.get(self.category) if mode is not None else None
-        if mode is None or mode.category is None or label is None:
-            self.report({"ERROR"}, f"There is no class {self.category!r} in the colour mode {self.mode!r}.")
+        chosen = of_category(self, context)
+        if chosen is None:
             return {"CANCELLED"}
-        chosen = {g: o for g, o in scene.element_objects(context.scene).items() if mode.category(o) == self.category}
         found = [*chosen.values(), *bonsai.objects(chosen)]
         if not self.extend:
             for item in context.view_layer.objects.selected[:]:
@@ -51,5 +42,26 @@ class BIMVERIFY_OT_select_findings(bpy.types.Operator):
             item.select_set(True)
         if visible:
             context.view_layer.objects.active = visible[0]
-        self.report({"INFO"}, f"{len(chosen)} elements: {label.lower()}")
+        self.report({"INFO"}, f"{len(chosen)} elements selected")
         return {"FINISHED"}
+
+
+def needs_findings(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
+    """Part of ``poll``: there are results, and objects can be selected."""
+    if not context.scene.bim_verify.counts:
+        cls.poll_message_set("Verify first")
+        return False
+    if context.mode != "OBJECT":
+        cls.poll_message_set("Leave edit mode first")
+        return False
+    return True
+
+
+def of_category(operator: bpy.types.Operator, context: bpy.types.Context) -> dict[str, bpy.types.Object] | None:
+    """GlobalId -> object, of the class that the operator names; None (and said so) when there is no such class."""
+    mode = MODES.get(operator.mode)
+    if mode is None or mode.category is None or operator.category not in {c.identifier for c in mode.categories}:
+        operator.report({"ERROR"}, f"There is no class {operator.category!r} in the colour mode {operator.mode!r}.")
+        return None
+    items = scene.element_objects(context.scene).items()
+    return {global_id: item for global_id, item in items if mode.category(item) == operator.category}

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
-from bpy.props import EnumProperty, FloatProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty
 from numpy.typing import NDArray
 
+from ...core.errors import BimVerifyError
 from ...core.progress import Progress
-from .. import bonsai, paint, project, scene
+from .. import bonsai, paint, project, scene, selection, verdicts
 from ..jobs import Job, Work
 from ..properties import ALIGN_ITEMS, DEFAULTS, LOA_ITEMS
 from ..session import SESSION
@@ -49,6 +50,11 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
         description="How the scans are moved onto the model",
     )
 
+    selected_only: BoolProperty(
+        name="Selected elements only",
+        description="Give verdicts to the selected elements only; the others keep what they have",
+    )
+
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         settings = context.scene.bim_verify
@@ -62,41 +68,56 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
 
     def prepare(self, context: bpy.types.Context) -> Work[tuple[VerificationResult, Display, NDArray[np.float64]]]:
         from ...core import jobs
+        from ...core.model.decisions import decisions_in, read_decisions
 
         settings = context.scene.bim_verify
-        for name in ("loa", "sigma_mm", "align"):
+        for name in ("loa", "sigma_mm", "align", "selected_only"):
             if not self.properties.is_property_set(name):
                 setattr(self, name, getattr(settings, name))
         options = replace(project.options(settings), loa=int(self.loa), sigma=self.sigma_mm / 1000, align=self.align)
-        load, paths, budget = (
-            project.model_loader(context.scene),
-            project.scan_paths(settings),
-            settings.display_vertices,
-        )
+        only = selection.global_ids(context) if self.selected_only else None
+        if only is not None and not only:
+            raise BimVerifyError("No element is selected. Select some, or turn off 'Selected elements only'.")
+        self.earlier = project.result(context.scene)
+        self.only = only
+        load, paths = project.model_loader(context.scene), project.scan_paths(settings)
+        budget, known = settings.display_vertices, verdicts.decisions(context.scene)
+        live, path = bonsai.live_file(), project.model_path(settings)
+        stored = read_decisions(live) if live is not None else {}
 
         def work(progress: Progress) -> tuple[VerificationResult, Display, NDArray[np.float64]]:
             model = load(progress.part(0.0, 0.1))
             result = jobs.verify(model, paths, options, progress.part(0.1, 0.9))
+            written = stored if live is not None or not path else decisions_in(path)
+            result = replace(result, decisions={**written, **known})
             placement = result.alignment.transform @ project.placement(model, paths, options)
             return result, make_display(result, budget, progress.part(0.9, 1.0)), placement
 
         return work
 
     def finish(self, context: bpy.types.Context, value: tuple[VerificationResult, Display, NDArray[np.float64]]) -> str:
+        from ...core.model.decisions import apply_decisions
         from ...core.model.write_psets import apply_psets
 
         result, display, placement = value
-        live = bonsai.live_file()
-        if live is not None:
-            apply_psets(live, result)
-        SESSION.results[context.scene.name] = result
+        result = selection.merged(result, self.earlier, self.only)
+
+        def write(file: Any) -> None:
+            apply_psets(file, result)
+            apply_decisions(file, result.decisions)
+
+        bonsai.change_file(context, self.bl_idname, write)
+        settings = context.scene.bim_verify
+        settings.result_key = SESSION.keep(result)
+        settings.exported_path = ""
         SESSION.models[context.scene.name] = result.model
         project.adopt_frame(context.scene, result.model)
-        scene.show_result(context.scene, result, display)
+        scene.show_result(context.scene, result, display, self.only)
+        verdicts.store_all(context.scene, result)
         paint.refresh(context.scene)
         scene.move_scans(context.scene, placement)
         scene.show_planned(context, False)
         scene.show_colors_in_views()
         for warning in result.warnings:
             self.report({"WARNING"}, warning)
-        return context.scene.bim_verify.result_summary
+        return settings.result_summary

@@ -4,23 +4,10 @@ from __future__ import annotations
 
 import bpy
 
-from .. import bonsai, scene
 from ..capabilities import CAPABILITIES
+from ..known import known_object
 from ..text import wrapped
 from .steps import TAB
-
-
-def known_object(context: bpy.types.Context) -> bpy.types.Object | None:
-    """Our object of the active element: the active object itself, or ours beside Bonsai's; None if nothing is known."""
-    item = context.active_object
-    if item is None:
-        return None
-    if scene.GUID_KEY not in item:
-        identifier = bonsai.global_id(item)
-        item = scene.element_objects(context.scene).get(identifier) if identifier else None
-    if item is None or not any(c.numbers is not None and c.numbers(item) for c in CAPABILITIES):
-        return None
-    return item
 
 
 class BIMVERIFY_PT_element(bpy.types.Panel):
@@ -44,6 +31,7 @@ class BIMVERIFY_PT_element(bpy.types.Panel):
         layout.label(text=f"{stored.ifc_class}  {stored.element_name or 'unnamed'}")
         if stored.storey:
             layout.label(text=stored.storey)
+        layout.operator("bim_verify.decide", icon="USER")
         for capability in CAPABILITIES:
             rows = capability.numbers(item) if capability.numbers is not None else []
             if not rows:

@@ -9,9 +9,17 @@ from ..capabilities import MODES
 from ..text import wrapped
 from .steps import TAB
 
+BUTTONS = (
+    ("select_findings", "RESTRICT_SELECT_OFF"),
+    ("isolate_findings", "VIEWZOOM"),
+    ("step_finding", "TRIA_LEFT"),
+    ("step_finding", "TRIA_RIGHT"),
+)
+"""Of each class: (operator, icon)."""
+
 
 class BIMVERIFY_PT_result(bpy.types.Panel):
-    """Colour mode; the classes of that mode, each with its count and a button that selects its elements."""
+    """Colour mode; the classes of that mode, each with its count and buttons to select, isolate and step."""
 
     bl_label = "Result"
     bl_idname = "BIMVERIFY_PT_result"
@@ -29,7 +37,9 @@ class BIMVERIFY_PT_result(bpy.types.Panel):
         layout.prop(settings, "color_mode")
         if settings.color_mode == "DEVIATION":
             layout.prop(settings, "deviation_range_mm")
-        layout.prop(settings, "show_legend")
+        row = layout.row(align=True)
+        row.prop(settings, "show_legend", toggle=True)
+        row.prop(settings, "show_numbers", toggle=True)
         mode = MODES[settings.color_mode]
         labels = {entry.identifier: entry.label for entry in mode.categories}
         column = layout.column(align=True)
@@ -40,8 +50,13 @@ class BIMVERIFY_PT_result(bpy.types.Panel):
             row.enabled = entry.count > 0
             row.label(text=labels[entry.category])
             row.label(text=str(entry.count))
-            select = row.operator("bim_verify.select_findings", text="", icon="RESTRICT_SELECT_OFF")
-            select.mode, select.category = entry.mode, entry.category
+            for name, icon in BUTTONS:
+                button = row.operator(f"bim_verify.{name}", text="", icon=icon)
+                button.mode, button.category = entry.mode, entry.category
+                if icon == "TRIA_LEFT":
+                    button.direction = "PREVIOUS"
+        if any(entry.mode == mode.identifier for entry in settings.counts):
+            layout.operator("bim_verify.isolate_findings", text="Show All", icon="HIDE_OFF").show_all = True
         if bonsai.live_file() is not None:
             row = layout.row(align=True)
             row.operator("bim_verify.show_results", text="Results").planned = False

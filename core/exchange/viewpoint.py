@@ -17,6 +17,8 @@ SURROUNDINGS = 2.2
 """Width of the view, in sizes of the element: enough around it to know where one is."""
 LEAST_WIDTH_M = 1.5
 MOST_REACH_M = 30.0
+FARTHER = 0.05
+"""How much more a view counts for each width that it begins farther away: the surroundings help to find the place."""
 LIFT_M = 0.005
 
 
@@ -38,7 +40,7 @@ def finding_camera(
         place, normal = 0.5 * (low + high)[None], np.zeros((1, 3))
     width = max(SURROUNDINGS * max(size, 1e-3), LEAST_WIDTH_M)
     least = 0.5 * size + 0.3
-    best, best_score = (-_toward(225, 25), least), -1.0
+    best, best_score = (-_toward(225, 25), least), 0.0
     for elevation in ELEVATIONS_DEG:
         for azimuth in AZIMUTHS_DEG:
             toward = _toward(azimuth, elevation)
@@ -47,7 +49,8 @@ def finding_camera(
             free, _ = scene.first_hit(start, np.broadcast_to(toward, start.shape), MOST_REACH_M)
             free = np.minimum(free, MOST_REACH_M)
             for reach in (MOST_REACH_M, 3 * width, width, least):
-                score = float((facing * (free >= reach)).sum()) + 1e-3 * min(reach, 3 * width) / width
+                seen = float((facing * (free >= reach)).sum())
+                score = seen * (1.0 + FARTHER * min(reach, 3 * width) / width)
                 if score > best_score + 1e-9:
                     best, best_score = (-toward, reach), score
     forward, reach = best

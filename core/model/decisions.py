@@ -7,12 +7,16 @@ so a later run, by a window or without one, finds it again and nothing is lost.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ..errors import BimVerifyError
+from ..files import whole_file
 from ..results import STATUSES, Decision
 from .load import open_ifc
 from .write_psets import LONGEST_LABEL, element_by_id, own_set, require_owner
+from .write_psets import PSET_NAME as VERIFICATION
 
 PSET_NAME = "BimVerify_Decision"
 NAMES = ("Status", "Reason", "DecidedBy", "DecidedOn", "ComputedStatus")
@@ -101,3 +105,28 @@ def _mentions(stream: Any, word: bytes, block: int = 1 << 22) -> bool:
     return False
 
 
+
+
+def write_decisions(source: str | Path, out: str | Path, decisions: Mapping[str, Decision | None]) -> None:
+    """Copy a verified IFC with decisions on its elements; None takes one back. The source is only read.
+
+    Raises BimVerifyError when an element is not in the file or was not verified, or when ``out`` cannot be written.
+    """
+    import ifcopenshell.util.element
+
+    with whole_file(out) as temporary:
+        file = open_ifc(source)
+        made: dict[str, Decision] = {}
+        for global_id, decision in decisions.items():
+            product = element_by_id(file, global_id)
+            if product is None:
+                raise BimVerifyError(f"{source} has no element {global_id}. Give its GlobalId.")
+            computed = ifcopenshell.util.element.get_pset(product, VERIFICATION, "Status")
+            if computed is None:
+                raise BimVerifyError(f"{global_id} carries no verdict in {source}. Give the file that verify wrote.")
+            if decision is None:
+                remove_decision(file, global_id)
+            else:
+                made[global_id] = replace(decision, computed=str(computed))
+        apply_decisions(file, made)
+        file.write(str(temporary))

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from bim_verify.bim_verify_addon import bonsai, frame, scene
-from bim_verify.bim_verify_addon.panels.element import known_object
+from bim_verify.bim_verify_addon.known import known_object
 from bim_verify.core.results import VerificationResult
 
 from .stand_in_bonsai import bonsai_holding

@@ -1,0 +1,66 @@
+"""Operators that write the result to a file, off the main thread: the browser asks for the name, Esc stops."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+import bpy
+
+from ...core.errors import BimVerifyError
+from ...core.progress import Progress
+from .. import project
+from ..jobs import Job, Work
+from .file_browser import ask_or_start, has_result, idle, restart_when_closed
+
+if TYPE_CHECKING:
+    from ...core.results import VerificationResult
+
+Write = Callable[["VerificationResult", Path, Progress], str]
+
+
+class ResultFile(Job[str]):
+    """Mixed into an operator with ``filepath``; the operator gives ``ending``, ``suffixes`` and ``writer``."""
+
+    ending: ClassVar[str] = ""
+    """Added to the model's name for the proposed file name."""
+    suffixes: ClassVar[tuple[str, ...]] = ()
+    """Allowed; the first is taken where none was given. Empty: a folder."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return has_result(cls, context) and idle(cls)
+
+    def writer(self, context: bpy.types.Context) -> Write:
+        """Read what is needed (main thread) and return what writes; it gives one sentence for the status bar."""
+        raise NotImplementedError
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if not self.properties.is_property_set("filepath"):
+            source = Path(project.result(context.scene).model.path)
+            self.filepath = str(source.with_name(f"{source.stem}{self.ending}"))
+            if not bpy.app.background and context.window is not None:
+                self.asked = True
+                context.window_manager.fileselect_add(self)
+                return {"RUNNING_MODAL"}
+        return ask_or_start(self, context, event, lambda c, e: Job.invoke(self, c, e))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return {"CANCELLED"} if restart_when_closed(self) else Job.execute(self, context)
+
+    def prepare(self, context: bpy.types.Context) -> Work[str]:
+        if not self.filepath:
+            raise BimVerifyError("No file name was given. Choose where to write.")
+        path = Path(bpy.path.abspath(self.filepath))
+        if self.suffixes and path.suffix.lower() not in self.suffixes:
+            path = path.with_name(path.name + self.suffixes[0])
+        result, write = project.result(context.scene), self.writer(context)
+        assert result is not None
+        if path.resolve() == Path(result.model.path).resolve():
+            raise BimVerifyError(f"{path} is the model, which is never written to. Give another name.")
+        return lambda progress: write(result, path, progress)
+
+    def finish(self, context: bpy.types.Context, value: str) -> str:
+        context.scene.bim_verify.exported_path = value
+        return f"Written: {value}"

@@ -1,0 +1,104 @@
+"""Look at the elements of one class: one after the other, or all of them alone."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, StringProperty
+
+from .. import bonsai, scene
+from .select_findings import needs_findings, of_category
+
+
+class BIMVERIFY_OT_step_finding(bpy.types.Operator):
+    """Go to the next element of a class: select it and frame it."""
+
+    bl_idname = "bim_verify.step_finding"
+    bl_label = "Next Finding"
+    bl_description = "Select the next (or previous) element of this class and frame it in the view"
+    bl_options = {"REGISTER", "UNDO"}
+
+    mode: StringProperty(name="Mode", default="STATUS", description="Colour mode that tells the classes apart")
+    category: StringProperty(name="Class", description="Identifier of the class, as DEVIATING of STATUS")
+    direction: EnumProperty(
+        name="Direction",
+        items=[("NEXT", "Next", "The one after the active element"), ("PREVIOUS", "Previous", "The one before it")],
+        description="Which way to go",
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needs_findings(cls, context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        found = of_category(self, context)
+        if found is None:
+            return {"CANCELLED"}
+        order = sorted(found.values(), key=_urgency)
+        if not order:
+            self.report({"INFO"}, "There is none")
+            return {"CANCELLED"}
+        step = 1 if self.direction == "NEXT" else -1
+        at = order.index(context.active_object) + step if context.active_object in order else (0 if step > 0 else -1)
+        item = order[at % len(order)]
+        for other in context.view_layer.objects.selected[:]:
+            other.select_set(False)
+        item.hide_set(False)
+        item.select_set(True)
+        context.view_layer.objects.active = item
+        _frame(context)
+        self.report({"INFO"}, f"{order.index(item) + 1} of {len(order)}: {item.name}")
+        return {"FINISHED"}
+
+
+class BIMVERIFY_OT_isolate_findings(bpy.types.Operator):
+    """Show the elements of one class alone, or everything again."""
+
+    bl_idname = "bim_verify.isolate_findings"
+    bl_label = "Isolate"
+    bl_description = "Hide all elements but those of this class; press again to show everything"
+    bl_options = {"REGISTER", "UNDO"}
+
+    mode: StringProperty(name="Mode", default="STATUS", description="Colour mode that tells the classes apart")
+    category: StringProperty(name="Class", description="Identifier of the class, as DEVIATING of STATUS")
+    show_all: BoolProperty(name="Show all", description="Show everything again")
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return needs_findings(cls, context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        items = scene.element_objects(context.scene)
+        if self.show_all:
+            shown = set(items)
+        else:
+            found = of_category(self, context)
+            if found is None:
+                return {"CANCELLED"}
+            shown = set(found)
+            if shown == {g for g, item in items.items() if not item.hide_get()}:
+                shown = set(items)
+        for global_id, item in items.items():
+            if item.name in context.view_layer.objects:
+                item.hide_set(global_id not in shown)
+        for item in bonsai.objects(items):
+            if item.name in context.view_layer.objects:
+                item.hide_set(True)
+        return {"FINISHED"}
+
+
+def _urgency(item: bpy.types.Object) -> tuple[float, str]:
+    shift = item.bim_verify.displacement
+    return (-shift if shift == shift else 0.0, item.name)
+
+
+def _frame(context: bpy.types.Context) -> None:
+    """Frame the selection in the 3D view; without a window there is none."""
+    if bpy.app.background or context.window is None:
+        return
+    area = next((a for a in context.window.screen.areas if a.type == "VIEW_3D"), None)
+    region = next((r for r in area.regions if r.type == "WINDOW"), None) if area is not None else None
+    if region is not None:
+        with context.temp_override(area=area, region=region):
+            bpy.ops.view3d.view_selected()
+
+

@@ -1,0 +1,42 @@
+"""What holds for one element: its computed verdict, or what a person decided instead."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..core.results import STATUSES, Decision, Status, VerificationResult
+from . import scene as scenery
+
+
+def status(item: bpy.types.Object) -> str:
+    """The status that holds; empty where the element was never verified."""
+    stored = item.bim_verify
+    return str(stored.decided_status or stored.status) if stored.status else ""
+
+
+def decisions(scene: bpy.types.Scene) -> dict[str, Decision]:
+    """GlobalId -> decision, of all elements of the scene."""
+    found = {}
+    for global_id, item in scenery.element_objects(scene).items():
+        stored = item.bim_verify
+        decided: Status | None = next((s for s in STATUSES if s == stored.decided_status), None)
+        if decided is not None:
+            found[global_id] = Decision(
+                decided, stored.decision_reason, stored.decided_by, stored.decided_on, stored.status
+            )
+    return found
+
+
+def store(item: bpy.types.Object, decision: Decision | None) -> None:
+    """Put a decision on an element's object; None takes it back."""
+    stored = item.bim_verify
+    stored.decided_status = decision.status if decision else ""
+    stored.decision_reason = decision.reason if decision else ""
+    stored.decided_by = decision.author if decision else ""
+    stored.decided_on = decision.date if decision else ""
+
+
+def store_all(scene: bpy.types.Scene, result: VerificationResult) -> None:
+    """Put the decisions of a result on its elements."""
+    for global_id, item in scenery.element_objects(scene).items():
+        store(item, result.decisions.get(global_id))
