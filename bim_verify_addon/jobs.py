@@ -7,6 +7,7 @@ no Blender; ``finish`` changes the scene. So a job that is cancelled or fails le
 from __future__ import annotations
 
 import threading
+import traceback
 from collections.abc import Callable
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -135,7 +136,9 @@ class Job(Generic[T]):
         elif isinstance(error, BimVerifyError):
             self.report({"ERROR"}, str(error))
         else:
-            raise error
+            traceback.print_exception(error)
+            text = " ".join(str(error).split()) or type(error).__name__
+            self.report({"ERROR"}, f"{self.title} failed: unexpected {type(error).__name__}: {text}")
         return {"CANCELLED"}
 
 

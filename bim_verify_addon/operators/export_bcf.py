@@ -49,7 +49,7 @@ class BIMVERIFY_OT_export_bcf(ResultFile, bpy.types.Operator):
         description="Which verdicts become topics",
     )
     selected_only: BoolProperty(name="Selected elements only", description="Topics for the selected elements only")
-    pictures: BoolProperty(name="Pictures", default=True, description="A picture in each topic (about half a second each)")
+    pictures: BoolProperty(name="Pictures", default=True, description="A picture in each topic (a second or two each)")
 
     def writer(self, context: bpy.types.Context) -> Write:
         from ...core.exchange.bcf import write_bcf

@@ -99,6 +99,7 @@ class BIMVERIFY_OT_import_scan(Job[Clouds], bpy.types.Operator):
             project.adopt_frame(context.scene, model, cloud.xyz)
             scene.show_scan(context.scene, cloud.path, entry.name, cloud.xyz, cloud.station, cloud.color)
         scene.move_scans(context.scene, value.placement)
+        scene.show_colors_in_views()
         settings.alignment_summary = ""
         settings.scan_index = len(settings.scans) - 1
         points = sum(cloud.points for cloud in value.clouds)

@@ -32,7 +32,7 @@ Version = Literal["3.0", "2.1"]
 VERSIONS: tuple[Version, ...] = ("3.0", "2.1")
 NAMESPACE = uuid.UUID("6f0c2b6e-52a5-4c39-9f8e-0f2a4b0a7d11")
 """Of the topics' GUIDs."""
-PICTURE_SIZE = (640, 480)
+PICTURE_SIZE = (480, 360)
 TYPES: dict[str, str] = {
     "ABSENT": "Error", "DEVIATING": "Error", "PARTIAL": "Warning", "NOTOBSERVED": "Info", "CONFIRMED": "Info",
 }  # fmt: skip

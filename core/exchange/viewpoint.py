@@ -10,7 +10,7 @@ from ..model.raycast import RayScene
 from ..report.camera import Camera
 
 AZIMUTHS_DEG = tuple(range(15, 375, 30))
-ELEVATIONS_DEG = (25.0, 55.0, 8.0)
+ELEVATIONS_DEG = (25.0, 55.0, 8.0, -25.0, -55.0)
 PROBES = 48
 """Places on the element that are looked at from each side."""
 SURROUNDINGS = 2.2

@@ -28,6 +28,21 @@ class BIMObjectProperties(bpy.types.PropertyGroup):
     ifc_definition_id: bpy.props.IntProperty()
 
 
+class IfcStore:
+    """``bonsai.bim.ifc.IfcStore``: an edit is one step of the file's own undo."""
+
+    steps: list[str] = []
+
+    @classmethod
+    def execute_ifc_operator(cls, operator: Any, context: bpy.types.Context) -> set[str]:
+        Ifc.file.begin_transaction()
+        try:
+            return operator._execute(context)
+        finally:
+            Ifc.file.end_transaction()
+            cls.steps.append(operator.bl_idname)
+
+
 class Ifc:
     """``bonsai.tool.Ifc``"""
 
@@ -62,7 +77,10 @@ def bonsai_holding(path: Path, *, offset: tuple[float, float, float] | None = No
     package, tool = ModuleType("bonsai"), ModuleType("bonsai.tool")
     tool.Ifc = Ifc  # type: ignore[attr-defined]
     package.tool = tool  # type: ignore[attr-defined]
-    sys.modules.update({"bonsai": package, "bonsai.tool": tool})
+    store = ModuleType("bonsai.bim.ifc")
+    store.IfcStore = IfcStore  # type: ignore[attr-defined]
+    IfcStore.steps = []
+    sys.modules.update({"bonsai": package, "bonsai.tool": tool, "bonsai.bim.ifc": store})
     Ifc.file, Ifc.path = ifcopenshell.open(str(path)), str(path)
     try:
         for element in Ifc.file.by_type("IfcElement"):
@@ -77,7 +95,7 @@ def bonsai_holding(path: Path, *, offset: tuple[float, float, float] | None = No
         yield Ifc
     finally:
         Ifc.file, Ifc.path = None, ""
-        del sys.modules["bonsai.tool"], sys.modules["bonsai"]
+        del sys.modules["bonsai.bim.ifc"], sys.modules["bonsai.tool"], sys.modules["bonsai"]
         del bpy.types.Scene.BIMGeoreferenceProperties
         del bpy.types.Object.BIMObjectProperties
         for cls in (BIMObjectProperties, BIMGeoreferenceProperties):

@@ -17,7 +17,7 @@ from bim_verify.bim_verify_addon import bonsai, frame, scene
 from bim_verify.bim_verify_addon.known import known_object
 from bim_verify.core.results import VerificationResult
 
-from .stand_in_bonsai import bonsai_holding
+from .stand_in_bonsai import IfcStore, bonsai_holding
 
 ops = bpy.ops.bim_verify
 Verification = Callable[[Callable[..., VerificationResult]], None]
@@ -118,3 +118,30 @@ def test_results_and_scans_get_its_false_origin(
         shown = np.array([cloud.matrix_world @ v.co for v in cloud.data.vertices])
         there = expected.to_view(np.loadtxt(scan))
         assert np.abs(np.sort(shown, axis=0) - np.sort(there, axis=0)).max() < 0.5  # single precision at 4000 km
+
+
+def test_edits_are_steps_of_its_own_undo(
+    blender: bpy.types.Scene, house: Path, scan: Path, result: VerificationResult, verification: Verification
+) -> None:
+    verification(lambda *_: result)
+    with bonsai_holding(house) as ifc:
+        ops.import_scan(filepath=str(scan))
+        ops.verify()
+        absent = next(v.global_id for v in result.verdicts if v.status == "ABSENT")
+        item = ifc.get_object(ifc.file.by_guid(absent))
+        item.hide_set(False)
+        for other in bpy.context.selected_objects:
+            other.select_set(False)
+        item.select_set(True)
+        assert ops.decide(status="CONFIRMED", reason="seen on site", author="me") == {"FINISHED"}
+        assert IfcStore.steps == ["BIM_VERIFY_OT_verify", "BIM_VERIFY_OT_decide"]
+        psets = ifcopenshell.util.element.get_psets(ifc.file.by_guid(absent))
+        assert psets["BimVerify_Decision"]["Reason"] == "seen on site"
+        ifc.file.undo()
+        psets = ifcopenshell.util.element.get_psets(ifc.file.by_guid(absent))
+        assert "BimVerify_Decision" not in psets
+        assert psets["BimVerify_Verification"]["Status"] == "ABSENT"
+        ifc.file.undo()
+        assert pset(ifc.file, absent) == {}
+        ifc.file.redo()
+        assert pset(ifc.file, absent)["Status"] == "ABSENT"

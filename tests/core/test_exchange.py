@@ -76,7 +76,7 @@ def test_bcf_is_read_back_with_camera_picture_and_guid(result: VerificationResul
             middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0)) + model.origin
             assert np.linalg.norm(np.cross(middle - eye, ahead)) < 1e-6
             assert (middle - eye) @ ahead > 0
-            assert Image.open(io.BytesIO(view.snapshot)).size == (640, 480)
+            assert Image.open(io.BytesIO(view.snapshot)).size == (480, 360)
     assert not expected
 
 

@@ -1,0 +1,223 @@
+"""After the verdicts: exports, decisions, walking through findings, undo of the result, points as geometry nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+import ifcopenshell
+import ifcopenshell.util.element
+import numpy as np
+import pytest
+from bcf.bcfxml import load
+
+from bim_verify.bim_verify_addon import overlay, point_display, project, scene, verdicts
+from bim_verify.core.model.decisions import decisions_in
+from bim_verify.core.results import VerificationResult
+
+from ..core.factory import make_ifc
+from .scene_facts import status_counts
+
+ops = bpy.ops.bim_verify
+Verification = Callable[[Callable[..., VerificationResult]], None]
+
+
+@pytest.fixture
+def verified(
+    blender: bpy.types.Scene, house: Path, scan: Path, result: VerificationResult, verification: Verification
+) -> bpy.types.Scene:
+    verification(lambda *_: result)
+    blender.bim_verify.display_vertices = 10_000
+    ops.import_ifc(filepath=str(house))
+    ops.import_scan(filepath=str(scan))
+    assert ops.verify() == {"FINISHED"}
+    return blender
+
+
+def select(found: bpy.types.Scene, status: str) -> bpy.types.Object:
+    item = next(o for o in scene.element_objects(found).values() if o.bim_verify.status == status)
+    for other in bpy.context.selected_objects:
+        other.select_set(False)
+    item.select_set(True)
+    bpy.context.view_layer.objects.active = item
+    return item
+
+
+@pytest.mark.parametrize(
+    ("operator", "name", "written"),
+    [
+        ("export_bcf", "f", "f.bcf"),
+        ("export_ids", "f.ids", "f.ids"),
+        ("export_table", "f", "f.xlsx"),
+        ("export_table", "f.csv", "f.csv"),
+        ("export_templates", "f", "f.ifc"),
+        ("report", "f", "f/index.html"),
+    ],
+)
+def test_every_export_writes_its_file(
+    verified: bpy.types.Scene, tmp_path: Path, operator: str, name: str, written: str
+) -> None:
+    assert getattr(ops, operator)(filepath=str(tmp_path / name)) == {"FINISHED"}
+    assert (tmp_path / written).stat().st_size > 100
+    assert written.split("/")[0] in verified.bim_verify.exported_path
+
+
+@pytest.mark.parametrize("operator", ["export_bcf", "export_ids", "export_table", "export_templates", "report"])
+def test_exports_say_what_is_wrong(verified: bpy.types.Scene, house: Path, tmp_path: Path, operator: str) -> None:
+    for path in ("", str(house)) if operator == "export_templates" else ("",):
+        with pytest.raises(RuntimeError, match=r"No file name|never written"):
+            getattr(ops, operator)(filepath=path)
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(RuntimeError, match="Cannot"):
+        getattr(ops, operator)(filepath=str(tmp_path / "file" / "x"))
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_bcf_of_the_selection_has_its_topics_only(verified: bpy.types.Scene, tmp_path: Path) -> None:
+    item = select(verified, "ABSENT")
+    assert ops.export_bcf(filepath=str(tmp_path / "f.bcf"), selected_only=True, version="2.1") == {"FINISHED"}
+    with load(tmp_path / "f.bcf") as book:
+        (topic,) = book.topics.values()
+        (view,) = topic.viewpoints.values()
+        assert view.get_selected_guids() == [item["GlobalId"]]
+    for other in bpy.context.selected_objects:
+        other.select_set(False)
+    with pytest.raises(RuntimeError, match="No element is selected"):
+        ops.export_bcf(filepath=str(tmp_path / "g.bcf"), selected_only=True)
+
+
+def test_a_decision_colours_counts_and_goes_into_the_ifc(
+    verified: bpy.types.Scene, result: VerificationResult, tmp_path: Path
+) -> None:
+    item = select(verified, "ABSENT")
+    with pytest.raises(RuntimeError, match="needs a reason"):
+        ops.decide(status="CONFIRMED", reason=" ")
+    assert ops.decide(status="CONFIRMED", reason="seen <on> site", author="me") == {"FINISHED"}
+    assert verdicts.status(item) == "CONFIRMED"
+    assert item.bim_verify.status == "ABSENT"
+    counts = dict(status_counts(verified))
+    assert (counts["ABSENT"], counts["CONFIRMED"]) == (result.count("ABSENT") - 1, result.count("CONFIRMED") + 1)
+    assert "seen <on> site" in " ".join(overlay.numbers(bpy.context))
+    ops.export_ifc(filepath=str(tmp_path / "out.ifc"))
+    (decision,) = decisions_in(tmp_path / "out.ifc").values()
+    assert (decision.status, decision.computed, decision.author) == ("CONFIRMED", "ABSENT", "me")
+
+    ops.verify()  # a re-run keeps it
+    assert verdicts.status(scene.element_objects(verified)[item["GlobalId"]]) == "CONFIRMED"
+    select(verified, "ABSENT")
+    ops.decide(status="COMPUTED")
+    assert dict(status_counts(verified))["ABSENT"] == result.count("ABSENT")
+    ops.export_ifc(filepath=str(tmp_path / "back.ifc"))
+    assert decisions_in(tmp_path / "back.ifc") == {}
+
+
+def test_decisions_in_the_imported_file_are_found_again(verified: bpy.types.Scene, tmp_path: Path) -> None:
+    item = select(verified, "DEVIATING")
+    ops.decide(status="CONFIRMED", reason="accepted", author="me")
+    ops.export_ifc(filepath=str(tmp_path / "out.ifc"))
+    verdicts.store(item, None)
+    ops.import_ifc(filepath=str(tmp_path / "out.ifc"))
+    ops.verify()
+    assert verdicts.status(scene.element_objects(verified)[item["GlobalId"]]) == "CONFIRMED"
+
+
+def test_stepping_goes_round_the_class(verified: bpy.types.Scene, result: VerificationResult) -> None:
+    for o in scene.element_objects(verified).values():
+        o.bim_verify.status = "DEVIATING" if o.bim_verify.status in ("DEVIATING", "PARTIAL", "ABSENT") else o.bim_verify.status
+    seen = []
+    for _ in range(4):
+        assert ops.step_finding(category="DEVIATING") == {"FINISHED"}
+        assert list(bpy.context.selected_objects) == [bpy.context.active_object]
+        seen.append(bpy.context.active_object.name)
+    assert len(set(seen[:3])) == 3
+    assert seen[3] == seen[0]
+    ops.step_finding(category="DEVIATING", direction="PREVIOUS")
+    assert bpy.context.active_object.name == seen[2]
+    with pytest.raises(RuntimeError, match="There is no class"):
+        ops.step_finding(category="NO SUCH")
+
+
+def test_isolating_hides_the_others_and_brings_them_back(verified: bpy.types.Scene) -> None:
+    items = scene.element_objects(verified)
+    ops.isolate_findings(category="ABSENT")
+    assert {o.bim_verify.status for o in items.values() if not o.hide_get()} == {"ABSENT"}
+    ops.isolate_findings(category="ABSENT")
+    assert not any(o.hide_get() for o in items.values())
+    ops.isolate_findings(category="PARTIAL")
+    ops.isolate_findings(show_all=True)
+    assert not any(o.hide_get() for o in items.values())
+
+
+def test_verdicts_for_the_selection_leave_the_others(
+    verified: bpy.types.Scene, result: VerificationResult, verification: Verification
+) -> None:
+    from dataclasses import replace
+
+    item = select(verified, "CONFIRMED")
+    changed = replace(result, verdicts=tuple(replace(v, status="PARTIAL") for v in result.verdicts))
+    verification(lambda *_: changed)
+    ops.verify(selected_only=True)
+    for v in result.verdicts:
+        expected = "PARTIAL" if v.global_id == item["GlobalId"] else v.status
+        assert scene.element_objects(verified)[v.global_id].bim_verify.status == expected
+    kept = project.result(verified)
+    assert kept is not None
+    assert sum(v.status == "PARTIAL" for v in kept.verdicts) == result.count("PARTIAL") + 1
+
+
+def test_the_result_follows_what_the_scene_says(verified: bpy.types.Scene, result: VerificationResult) -> None:
+    first = verified.bim_verify.result_key
+    ops.verify()
+    assert verified.bim_verify.result_key != first
+    verified.bim_verify.result_key = first  # what undo does
+    assert project.result(verified) is not None
+    verified.bim_verify.result_key = ""
+    assert not ops.export_ifc.poll()
+    assert not ops.export_bcf.poll()
+
+
+def test_points_and_voxels_become_geometry(blender: bpy.types.Scene, scan: Path) -> None:
+    ops.import_scan(filepath=str(scan))
+    (cloud,) = scene.scan_objects(blender)
+    shown = cloud.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    assert shown.modifiers[point_display.MODIFIER].node_group.name == point_display.POINTS
+    blender.bim_verify.point_size_mm = 20
+    assert bpy.data.node_groups[point_display.POINTS].nodes["Size"].outputs[0].default_value == pytest.approx(0.01)
+    mesh = bpy.data.meshes.new("v")
+    mesh.vertices.add(3)
+    mesh.attributes["position"].data.foreach_set("vector", np.arange(9, dtype=np.float32))
+    scene.set_attribute(mesh, "bv_color", "FLOAT_COLOR", np.tile([1.0, 0.0, 0.0, 1.0], (3, 1)))
+    item = bpy.data.objects.new("v", mesh)
+    blender.collection.objects.link(item)
+    point_display.show_as_voxels(item, 0.1)
+    made = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+    assert len(made.vertices) == 24
+    assert "bv_color" in made.attributes
+    assert "BIM Verify" in [m.name for m in made.materials if m is not None]
+
+
+def test_hostile_names_do_no_harm_anywhere(
+    blender: bpy.types.Scene, scan: Path, tmp_path: Path, verification: Verification
+) -> None:
+    from bim_verify.core.model.load import load_model
+
+    from ..core.factory import fabricate
+
+    names = ("<script>alert(1)</script>", "../../x", "%s%n", "a\nb", "=1+1")
+    house = make_ifc(tmp_path / "h.ifc", names=names)
+    made = fabricate(load_model(house, cache=False, threads=1))
+    verification(lambda *_: made)
+    blender.bim_verify.display_vertices = 10_000
+    ops.import_ifc(filepath=str(house))
+    ops.import_scan(filepath=str(scan))
+    ops.verify()
+    out = tmp_path / "out"
+    out.mkdir()
+    for operator, name in (("export_ifc", "a.ifc"), ("export_bcf", "a.bcf"), ("export_table", "a.xlsx"), ("report", "r")):
+        assert getattr(ops, operator)(filepath=str(out / name)) == {"FINISHED"}
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["h.ifc", "out"]
+    assert sorted(p.name for p in out.iterdir()) == ["a.bcf", "a.ifc", "a.xlsx", "r"]
+    assert "<script>alert(1)" not in (out / "r" / "index.html").read_text(encoding="utf-8")
+    written = ifcopenshell.open(str(out / "a.ifc"))
+    assert names[0] in {e.Name for e in written.by_type("IfcWall")}
