@@ -159,7 +159,10 @@ def duration(seconds: float) -> str:
 
 
 def _redraw(context: bpy.types.Context) -> None:
+    """Draw the sidebars again, and not the views: drawing a large cloud ten times a second would slow the job down."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
-                area.tag_redraw()
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()

@@ -124,6 +124,7 @@ def test_edits_are_steps_of_its_own_undo(
     blender: bpy.types.Scene, house: Path, scan: Path, result: VerificationResult, verification: Verification
 ) -> None:
     verification(lambda *_: result)
+    blender.bim_verify.display_vertices = 10_000
     with bonsai_holding(house) as ifc:
         ops.import_scan(filepath=str(scan))
         ops.verify()
