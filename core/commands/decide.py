@@ -25,10 +25,11 @@ def _decide(values: Values, progress: Progress) -> Outcome:
     if not taken_back:
         status = next(s for s in STATUSES if s == values["status"])
         decision = Decision(status, reason, values["by"] or "", datetime.date.today().isoformat(), "")
-    write_decisions(values["model"], values["out"], dict.fromkeys(values["element"], decision))
     word = "as computed again" if taken_back else values["status"]
     line = f"{len(values['element'])} elements {word}: {values['out']}"
-    return Outcome([line], {"elements": values["element"], "status": values["status"], "reason": reason})
+    data = {"elements": values["element"], "status": values["status"], "reason": reason}
+    chosen = dict.fromkeys(values["element"], decision)
+    return Outcome([line], data, write=lambda: write_decisions(values["model"], values["out"], chosen))
 
 
 COMMAND = Command(

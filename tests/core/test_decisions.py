@@ -9,9 +9,12 @@ import ifcopenshell
 import ifcopenshell.util.element
 import pytest
 
+from bim_verify.core.commands.decide import COMMAND
 from bim_verify.core.commands.earlier import earlier_decisions, still_there
+from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.model.decisions import apply_decisions, decisions_in, read_decisions, remove_decision
 from bim_verify.core.model.write_psets import write_verified_ifc
+from bim_verify.core.progress import Progress
 from bim_verify.core.results import Decision
 
 from .factory import make_ifc, small_result
@@ -66,3 +69,38 @@ def test_chosen_decisions_come_from_that_file_only(tmp_path: Path) -> None:
     write_verified_ifc(tmp_path / "house.ifc", replace(result, decisions={ids[1]: WORD}), tmp_path / "b.ifc")
     chosen = earlier_decisions(str(tmp_path / "house.ifc"), str(tmp_path / "a.ifc"), str(tmp_path / "b.ifc"))
     assert set(chosen) == {ids[1]}
+
+
+def decide(model: Path, out: Path, *elements: str, status: str = "CONFIRMED", reason: str = "seen") -> None:
+    """``bim-verify decide`` with these values."""
+    values = {"model": str(model), "out": str(out), "element": list(elements), "status": status, "reason": reason, "by": "me"}
+    outcome = COMMAND.run(values, Progress())
+    assert outcome.write is not None
+    outcome.write()
+
+
+def test_the_command_decides_and_takes_back(tmp_path: Path) -> None:
+    result = small_result(tmp_path)
+    write_verified_ifc(tmp_path / "house.ifc", result, tmp_path / "verified.ifc")
+    absent = next(v.global_id for v in result.verdicts if v.status == "ABSENT")
+    decide(tmp_path / "verified.ifc", tmp_path / "decided.ifc", absent)
+    (decision,) = decisions_in(tmp_path / "decided.ifc").values()
+    assert (decision.status, decision.reason, decision.author, decision.computed) == ("CONFIRMED", "seen", "me", "ABSENT")
+    decide(tmp_path / "decided.ifc", tmp_path / "back.ifc", absent, status="COMPUTED", reason="")
+    assert decisions_in(tmp_path / "back.ifc") == {}
+
+
+def test_the_command_refuses_what_makes_no_sense(tmp_path: Path) -> None:
+    result = small_result(tmp_path)
+    plain, verified = tmp_path / "house.ifc", tmp_path / "verified.ifc"
+    write_verified_ifc(plain, result, verified)
+    element, out = result.verdicts[0].global_id, tmp_path / "out.ifc"
+    with pytest.raises(BimVerifyError, match="--reason"):
+        decide(verified, out, element, reason=" ")
+    with pytest.raises(BimVerifyError, match="carries no verdict"):
+        decide(plain, out, element)
+    with pytest.raises(BimVerifyError, match="has no element"):
+        decide(verified, out, "0000000000000000000000")
+    with pytest.raises(BimVerifyError, match="is an input"):
+        decide(verified, verified, element)
+    assert not out.exists()
