@@ -16,7 +16,7 @@ CLASSES = (preferences.BimVerifyPreferences, *operators.CLASSES, *panels.CLASSES
 
 def register() -> None:
     """Register classes, properties, handlers, the command and the legend."""
-    keep_compiled_kernels()
+    keep_caches_inside()
     properties.register()
     for cls in CLASSES:
         bpy.utils.register_class(cls)
@@ -36,17 +36,19 @@ def unregister() -> None:
     SESSION.clear()
 
 
-def keep_compiled_kernels() -> None:
-    """Let numba keep compiled kernels in the extension's user folder: the installed package may not be writable.
+def keep_caches_inside() -> None:
+    """Let numba keep compiled kernels, and us tessellations, in the extension's user folder.
 
-    Blender removes that folder with the extension. A place that the user chose is kept.
+    The installed package may not be writable, and Blender removes that folder with the extension, so nothing is left
+    behind. A place that the user chose is kept.
     """
-    if "NUMBA_CACHE_DIR" in os.environ or not preferences.PACKAGE.startswith("bl_ext."):
+    if not preferences.PACKAGE.startswith("bl_ext."):
         return
-    folder = bpy.utils.extension_path_user(preferences.PACKAGE, path="numba", create=True)
-    os.environ["NUMBA_CACHE_DIR"] = folder
+    for variable, name in (("NUMBA_CACHE_DIR", "numba"), ("BIM_VERIFY_CACHE", "tessellations")):
+        if variable not in os.environ:
+            os.environ[variable] = bpy.utils.extension_path_user(preferences.PACKAGE, path=name, create=True)
     if "numba" in sys.modules:
-        sys.modules["numba"].config.CACHE_DIR = folder
+        sys.modules["numba"].config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
 
 
 @persistent
