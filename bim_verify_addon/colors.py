@@ -151,4 +151,5 @@ def scan_color(color: NDArray[np.uint8] | None, station: NDArray[np.int32]) -> N
 
 
 def _number(value: float, signed: str) -> str:
-    return f"{value:{signed}.1f}".removesuffix(".0")
+    text = f"{value:{signed}.1f}".removesuffix(".0")
+    return "0" if text in ("+0", "-0") else text

@@ -23,7 +23,7 @@ RAMP_LINES = 9
 PLATE = (0.1, 0.1, 0.1, 0.75)
 LINE_LENGTH = 60
 """Characters in a line of the numbers."""
-MOST_ROWS = 9
+MOST_ROWS = 12
 """Numbers of one capability that are drawn; the panel has them all."""
 
 Linear = tuple[float, float, float, float]
@@ -75,7 +75,7 @@ def _draw_legend(context: bpy.types.Context, size: float, scale: float) -> None:
     texts = [title, *(text for text, _ in shown.swatches), *(text for _, text in (shown.ramp.ticks if shown.ramp else ()))]
     blf.size(0, size)
     width = max(blf.dimensions(0, text)[0] for text in texts) + 3.2 * size
-    left, bottom = MARGIN * scale, MARGIN * scale
+    left, bottom = MARGIN * scale, MARGIN * scale + _redo_panel_height(context)
     lines = len(shown.swatches) + (RAMP_LINES if shown.ramp else 0) + 1
     _rectangle(left - 0.6 * size, bottom - 0.6 * size, width, lines * step + 0.8 * size, PLATE)
     y = bottom
@@ -117,6 +117,11 @@ def _draw_numbers(context: bpy.types.Context, size: float, scale: float) -> None
     _rectangle(left, bottom - 0.6 * size, width, height, PLATE)
     for row, line in enumerate(reversed(lines)):
         _text(left + 0.6 * size, bottom + row * step, line, size)
+
+
+def _redo_panel_height(context: bpy.types.Context) -> float:
+    """Blender's redo panel lies in the same corner while it is there."""
+    return next((r.height for r in context.area.regions if r.type == "HUD" and r.height > 1), 0)
 
 
 def _ramp(x: float, y: float, size: float, height: float, ramp: colors.Ramp) -> None:
