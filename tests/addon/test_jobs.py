@@ -145,14 +145,17 @@ def test_an_error_in_the_thread_is_one_sentence() -> None:
     assert operator.reports == [({"ERROR"}, "The file is cut off. Copy it again.")]
 
 
-def test_a_bug_in_the_thread_is_not_swallowed() -> None:
+def test_a_bug_in_the_thread_is_said_in_one_sentence_and_traced(capsys: pytest.CaptureFixture[str]) -> None:
     def work(progress: Progress) -> int:
-        raise ZeroDivisionError
+        raise ZeroDivisionError("by nothing")
 
     operator, context = FakeOperator(work), fake_context()
     operator.start(context)
-    with pytest.raises(ZeroDivisionError):
-        drive(operator, context)
+    drive(operator, context)
+    ((level, message),) = operator.reports
+    assert level == {"ERROR"}
+    assert "unexpected ZeroDivisionError: by nothing" in message
+    assert "Traceback" in capsys.readouterr().err
     assert (SESSION.job, context.timers) == (None, [])
 
 
