@@ -49,3 +49,13 @@ def probability_within(bound: float, sigma: float) -> float:
 def convert_belief(belief: float, sigma_measured: float, sigma_level: float) -> float:
     """Belief carried to a level: P(Z) bel / 0.95 with Z = sigma_level / sigma_measured (the table's conversion)."""
     return probability_within(sigma_level, sigma_measured) * belief / 0.95
+
+
+def supported_level(edge: float, relative: bool = False) -> int | None:
+    """The highest level whose upper bound holds the worst shift of voxels of ``edge`` metres (eqs. 4.1, 4.4); None below LOA10.
+
+    ``relative``: for a distance between two voxels, whose tolerances add up quadratically.
+    """
+    shift = worst_voxel_shift(edge)
+    worst = relative_tolerance(shift, shift) if relative else shift
+    return max((level for level in LEVELS if worst <= UPPER_BOUND_M[level]), default=None)
