@@ -16,7 +16,6 @@ import numpy as np
 from numba import njit, prange, set_num_threads
 from numpy.typing import NDArray
 
-
 from bim_verify.core.evidence.station_index import build_index
 from bim_verify.core.occupancy.bricks import BrickTable
 from bim_verify.core.occupancy.clear_range import clear_range

@@ -40,6 +40,8 @@ class ElementChange:
     """Whether what was seen is what was expected; None when it was not seen."""
     progress: Progressing
     reason: str
+    moved: bool = False
+    """It stands, but not where it was planned."""
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import __version__
+from ..change.closing import close_gone
 from ..change.clusters import find_clusters
 from ..change.decide import element_state, ratios
 from ..change.look import EpochSight, look_at_elements, sensor_model
@@ -137,7 +138,7 @@ def _compare(
 ) -> ChangeResult:
     edge = solids.grid.edge
     now, before = views[-1], views[0] if has_reference else None
-    state = compare(world, seen[-1], seen[0] if has_reference else None)
+    state = _states(world, seen[-1], seen[0] if has_reference else None)
     day = parse_date(options.date or now.date)
     plans = _plans(model)
     elements = _elements(model, solids, world, state, now.sight, before.sight if before else None, plans, day)
@@ -152,7 +153,7 @@ def _compare(
             _record(model, v), states=tuple(
                 e.state for e in (
                     elements if v is now and not has_reference else _elements(
-                        model, solids, world, compare(world, o, None), v.sight, None, plans, day
+                        model, solids, world, _states(world, o, None), v.sight, None, plans, day
                     )
                 )
             )
@@ -167,10 +168,16 @@ def _compare(
         planned=plans, clusters=find_clusters(model, solids.grid, cloud, seen[:-1]),
         groups=group_progress(elements, plans, weight), voxels=cloud,
         anchor=(float(anchor[0]), float(anchor[1]), float(anchor[2])),
-        remaining=tuple(n for n, e in enumerate(elements) if e.state == "PARTIAL" and e.disappeared_ratio > 0),
+        remaining=tuple(n for n, e in enumerate(elements) if e.state == "PARTIAL" and not e.moved and e.disappeared_ratio > 0),
         method=f"bim_verify {__version__} occupancy", timings=watch.seconds,
         warnings=tuple(_warnings(model, edge, options, views, plans, day)),
     )
+
+
+def _states(world: Universe, epoch: Observation, reference: Observation | None) -> NDArray[np.uint8]:
+    state = compare(world, epoch, reference)
+    close_gone(world, epoch, state)
+    return state
 
 
 def _elements(
@@ -186,17 +193,19 @@ def _elements(
     for row, element in enumerate(model.elements):
         mine, then = now.elements[row], before.elements[row] if before else None
         share = float(thick_count[row] / max(counts[row].sum(), 1))
-        what, reason = element_state(model, row, mine, then, share, tolerance)
-        shares = ratios(what, counts[row], mine, mine.seen not in ("GONE", "UNSEEN") and what != "UNKNOWN")
+        decision = element_state(model, row, mine, then, share, tolerance)
+        what = decision.state
+        shares = ratios(decision, counts[row], mine)
         volume = float(solids.volume[row])
         expected = expected_state(plans[row], day)
         progress, agrees = judge(plans[row], expected, mine.seen)
-        if what == "PARTIAL" and mine.seen == "STANDS" and expected in ("CONFIRMED", "NEW"):
+        if agrees and what in ("PARTIAL", "DISAPPEARED") and expected in ("CONFIRMED", "NEW"):
             agrees = False
         found.append(ElementChange(
             element.global_id, element.ifc_class, element.name, element.storey, what, *shares, volume,
             disappeared_volume=shares[1] * volume, built_volume=(shares[0] + shares[2]) * volume,
-            shift=_shift(mine, then), expected=expected, agrees=agrees, progress=progress, reason=reason,
+            shift=_shift(mine, then), expected=expected, agrees=agrees, progress=progress, reason=decision.reason,
+            moved=mine.seen == "MOVED",
         ))
     return tuple(found)
 

@@ -41,7 +41,12 @@ class ClearRange:
 
 
 def clear_range(index: StationIndex, edge: float) -> ClearRange:
-    """Clear ranges of all returns of a station for voxels of ``edge`` metres."""
+    """Clear ranges of all returns of a station for voxels of ``edge`` metres.
+
+    The returns of each bin of the index are put in an order of their own first, so that the order in which they were read
+    changes no digit of a fit.
+    """
+    _settle_order(index.returns, index.bin_start)
     bins = len(index.bin_start) - 1
     plane = np.full((bins, 3), np.nan, np.float32)
     share = np.zeros(len(index.returns), np.float32)
@@ -49,6 +54,31 @@ def clear_range(index: StationIndex, edge: float) -> ClearRange:
     row_of = np.repeat(np.arange(index.rows), np.diff(index.row_start)).astype(np.int32)
     _clear(index.returns, index.bin_start, index.row_start, row_of, edge, plane, share, farthest, longest)
     return ClearRange(share, farthest, longest, plane)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _before(returns: NDArray[np.float64], i: int, x: float, y: float, z: float) -> bool:
+    if returns[i, 0] != x:
+        return returns[i, 0] < x
+    if returns[i, 1] != y:
+        return returns[i, 1] < y
+    return returns[i, 2] < z
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _settle_order(returns: NDArray[np.float64], bin_start: NDArray[np.int64]) -> None:
+    for b in prange(len(bin_start) - 1):
+        begin, end = bin_start[b], bin_start[b + 1]
+        gap = (end - begin) // 2
+        while gap > 0:  # Shell sort: most bins hold a few returns, one at a pole may hold thousands
+            for i in range(begin + gap, end):
+                x, y, z = returns[i, 0], returns[i, 1], returns[i, 2]
+                j = i
+                while j >= begin + gap and not _before(returns, j - gap, x, y, z):
+                    returns[j] = returns[j - gap]
+                    j -= gap
+                returns[j, 0], returns[j, 1], returns[j, 2] = x, y, z
+            gap //= 2
 
 
 @njit(cache=True, nogil=True, inline="always")

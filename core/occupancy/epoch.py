@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..evidence.collect import StationIndexes
 from ..evidence.gather import SensorModel
+from ..evidence.station_index import build_index
 from ..progress import Progress
 from .bricks import BrickTable
 from .clear_range import clear_range
@@ -44,6 +45,8 @@ def observe(
     asked = wanted & (state == UNSEEN)
     labels = np.zeros((len(table), CELLS), np.uint8)
     for station, index, sector in stations.visit(sensor, progress):
+        # bins that follow from the spacing alone, so that tiles of a station have those of the whole
+        index = build_index(index.returns, index.spacing_rad)
         clear = clear_range(index, grid.edge)
         label_voxels(
             table.keys, asked, stations.position[station], grid.anchor, grid.edge, index, clear, labels, sector

@@ -52,10 +52,15 @@ def convert_belief(belief: float, sigma_measured: float, sigma_level: float) -> 
 
 
 def supported_level(edge: float, relative: bool = False) -> int | None:
-    """The highest level whose upper bound holds the worst shift of voxels of ``edge`` metres (eqs. 4.1, 4.4); None below LOA10.
+    """The highest level that voxels of ``edge`` metres can support; None below LOA10.
 
-    ``relative``: for a distance between two voxels, whose tolerances add up quadratically.
+    Absolute: its upper bound holds the worst shift of a point (eq. 4.1). ``relative``, for distances between two objects each
+    of which just meets that level: the level whose bound holds their quadratic tolerance (eq. 4.4; the linear one, eq. 4.5,
+    gives the same).
     """
-    shift = worst_voxel_shift(edge)
-    worst = relative_tolerance(shift, shift) if relative else shift
-    return max((level for level in LEVELS if worst <= UPPER_BOUND_M[level]), default=None)
+    worst = worst_voxel_shift(edge)
+    level = max((level for level in LEVELS if worst <= UPPER_BOUND_M[level]), default=None)
+    if level is None or not relative:
+        return level
+    tolerance = relative_tolerance(UPPER_BOUND_M[level], UPPER_BOUND_M[level])
+    return max((level for level in LEVELS if tolerance <= UPPER_BOUND_M[level]), default=None)
