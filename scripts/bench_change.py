@@ -151,7 +151,8 @@ def report(
         said = sum(n for (_, found), n in table.items() if found == state)
         true = sum(n for (want, found), n in table.items() if want == state and found != "UNKNOWN")
         if said or true:
-            print(f"{state:12} precision {right / max(said, 1):.3f} ({right}/{said})  recall {right / max(true, 1):.3f} ({right}/{true})")
+            print(f"{state:12} precision {right / max(said, 1):.3f} ({right}/{said})  "
+                  f"recall {right / max(true, 1):.3f} ({right}/{true})")
     print(f"standing or hidden elements called disappeared: {len(false_gone)}")
     for line in false_gone[:5]:
         print("  ", line)

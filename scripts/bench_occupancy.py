@@ -94,7 +94,7 @@ def main() -> None:
     total = sum(len(r) for r in rays)
     spare = None if options.no_exact else list(rays)
     print(f"{total / 1e6:.1f} M rays from {len(rays)} stations, room {options.room} m, voxels of {options.voxel_mm:g} mm")
-    fast, occupied, seconds, table, near = run(rays, positions, grid, False)
+    fast, occupied, seconds, _, near = run(rays, positions, grid, False)
     print(f"occupied voxels {occupied / 1e6:.2f} M, voxels near them {int(near.sum()) / 1e6:.2f} M")
     print("fast  " + ", ".join(f"{k} {v:.1f} s" for k, v in seconds.items()))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6

@@ -12,7 +12,8 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from ..occupancy.epoch import OCCUPIED, Observation, neighbour_keys
-from .voxels import DISAPPEARED, NOTHING, Universe, deep
+from .results import DISAPPEARED, NOTHING
+from .voxels import Universe, deep
 
 STEPS = 4
 """From the middle of a gone part to its border, and three voxels on: the guard at moderate incidence."""

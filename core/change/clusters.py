@@ -12,8 +12,8 @@ from ..model.elements import BuildingModel
 from ..occupancy.bricks import BrickTable
 from ..occupancy.epoch import EMPTY, NEAR, OCCUPIED, Observation
 from ..occupancy.grid import CELLS, VoxelGrid, keys_of
-from .results import Cluster
-from .voxels import DISAPPEARED, NEW, VoxelCloud
+from .results import DISAPPEARED, NEW, Cluster, Persistence
+from .voxels import VoxelCloud
 
 LEAST_VOXELS = 27
 """Smaller groups of voxels are noise, mixed pixels and dust."""
@@ -30,7 +30,9 @@ def _root(parent: NDArray[np.int64], n: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _connect(index: NDArray[np.int64], number: NDArray[np.int32], around: NDArray[np.int32], row: NDArray[np.int32]) -> NDArray[np.int64]:
+def _connect(
+    index: NDArray[np.int64], number: NDArray[np.int32], around: NDArray[np.int32], row: NDArray[np.int32]
+) -> NDArray[np.int64]:
     """Root of each voxel: the first voxel of its connected group (26 neighbours)."""
     parent = np.arange(len(index))
     for n in range(len(index)):
@@ -145,7 +147,7 @@ def _describe(
     )
 
 
-def _persistence(index: NDArray[np.int64], others: Sequence[Observation]) -> str:  # type: ignore[return]
+def _persistence(index: NDArray[np.int64], others: Sequence[Observation]) -> Persistence:
     key, cell = keys_of(index)
     answers = []
     for epoch in others:

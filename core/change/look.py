@@ -92,7 +92,8 @@ def look_at_elements(
     if not (near.any() or (seen.deviation < 0).any()):
         names = ", ".join(s.name for s in stations.stations[:3])
         raise BimVerifyError(
-            f"No return of the stations {names} comes near the model: scan and model are in different frames; register the scan."
+            f"No return of the stations {names} comes near the model: scan and model are in different frames; "
+            "register the scan."
         )
     if registration_sigma is None:
         registration_sigma = estimate_registration_sigma(seen, samples, sigma, window)
@@ -128,7 +129,8 @@ def _sight(
 
     if best is not plan:
         if length <= tolerance:
-            return sight("STANDS", f"It stands {1000 * length:.0f} mm from its planned place, which voxels do not tell apart.", best)
+            near = f"It stands {1000 * length:.0f} mm from its planned place, which voxels do not tell apart."
+            return sight("STANDS", near, best)
         return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.", best)
     if exposed <= 0:
         return sight("UNSEEN", "Other elements touch or enclose its whole surface.", where=False)

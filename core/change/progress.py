@@ -50,7 +50,9 @@ def judge(plan: Planned, expected: State, seen: Seen) -> tuple[Progressing, bool
     return ("late" if dated else "not built"), False
 
 
-def group_progress(elements: Sequence[ElementChange], plans: Sequence[Planned], weight: Sequence[float]) -> tuple[GroupProgress, ...]:
+def group_progress(
+    elements: Sequence[ElementChange], plans: Sequence[Planned], weight: Sequence[float]
+) -> tuple[GroupProgress, ...]:
     """Percent complete per storey, class and task; ``weight`` is each element's planned volume (or what stands for it)."""
     found: list[GroupProgress] = []
     kinds: tuple[tuple[str, Callable[[int], str]], ...] = (

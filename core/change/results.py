@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from ..model.elements import BuildingModel
 from ..options import ChangeOptions
 from .planned import Planned
-from .voxels import VoxelCloud
+
+if TYPE_CHECKING:
+    from ..model.elements import BuildingModel
+    from .voxels import VoxelCloud
 
 State = Literal["CONFIRMED", "NEW", "DISAPPEARED", "PARTIAL", "UNKNOWN"]
+UNKNOWN, CONFIRMED, NEW, DISAPPEARED, NOTHING = 0, 1, 2, 3, 255
+"""States of voxels, as in the PLY file; NOTHING marks voxels that are no part of the result."""
 STATES: tuple[State, ...] = ("CONFIRMED", "NEW", "DISAPPEARED", "PARTIAL", "UNKNOWN")
+Persistence = Literal["stays", "temporary", "unknown"]
 Progressing = Literal["on time", "early", "late", "not built", "should be gone", "cannot tell"]
 PROGRESS: tuple[Progressing, ...] = ("on time", "early", "late", "not built", "should be gone", "cannot tell")
 
@@ -60,7 +65,7 @@ class Cluster:
     """To that element's box; 0 inside."""
     inside: bool
     """Most of it lies in planned solids."""
-    persistence: Literal["stays", "temporary", "unknown"]
+    persistence: Persistence
     """Whether the other epochs saw it too."""
 
 

@@ -113,7 +113,7 @@ class _Owners:
 
     def __init__(self, kind: type) -> None:
         self.keys = np.empty(0, np.int64)
-        self.element = np.empty((0, CELLS), kind)
+        self.element: NDArray[Any] = np.empty((0, CELLS), kind)
         self.used = 0
         self.table = BrickTable(self.keys)
 
@@ -156,7 +156,7 @@ def _enter(  # type: ignore[no-untyped-def]
     mask, i0, j0, k0, who, slot_key, slot_row, keys, used, element
 ):
     found = 0
-    last, row = np.int64(-1), -1
+    last, row = -1, -1
     for k in range(mask.shape[0]):
         for j in range(mask.shape[1]):
             for i in range(mask.shape[2]):
@@ -191,9 +191,9 @@ def _enter_surface(  # type: ignore[no-untyped-def]
         for m in range(steps + 1):
             for n in range(steps + 1 - m):
                 u, v = m / steps, n / steps
-                i = int(math.floor(a[0] + u * ab[0] + v * ac[0]))
-                j = int(math.floor(a[1] + u * ab[1] + v * ac[1]))
-                k = int(math.floor(a[2] + u * ab[2] + v * ac[2]))
+                i = math.floor(a[0] + u * ab[0] + v * ac[0])
+                j = math.floor(a[1] + u * ab[1] + v * ac[1])
+                k = math.floor(a[2] + u * ab[2] + v * ac[2])
                 key = brick_key(i, j, k)
                 row = find(key, slot_key, slot_row)
                 if row < 0:

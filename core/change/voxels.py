@@ -13,10 +13,9 @@ from ..occupancy.bricks import BrickTable
 from ..occupancy.epoch import EMPTY, NEAR, OCCUPIED, UNSEEN, Observation, cell_set, neighbour_keys
 from ..occupancy.grid import CELLS, VoxelGrid, voxel_index
 from ..occupancy.votes import Occupied
+from .results import CONFIRMED, DISAPPEARED, NEW, NOTHING, UNKNOWN
 from .solids import SolidVoxels
 
-UNKNOWN, CONFIRMED, NEW, DISAPPEARED, NOTHING = 0, 1, 2, 3, 255
-"""As in the PLY file; NOTHING marks voxels that are no part of the result."""
 ROWS = 8192
 """Bricks compared at once: intermediate arrays then stay small."""
 TOLERANCE_M = 0.02
@@ -85,8 +84,8 @@ def compare(world: Universe, epoch: Observation, reference: Observation | None) 
     """(B, 512) CONFIRMED, NEW, DISAPPEARED or UNKNOWN; NOTHING for voxels of no interest to these two.
 
     Against the model alone, every planned voxel counts as occupied before and every other one as empty, except beside a
-    planned surface, where the tolerance of building decides nothing. With a reference epoch its voxels take that place; where it saw
-    nothing, the model does.
+    planned surface, where the tolerance of building decides nothing. With a reference epoch its voxels take that place;
+    where it saw nothing, the model does.
     """
     state = np.empty(epoch.state.shape, np.uint8)
     for begin in range(0, len(state), ROWS):

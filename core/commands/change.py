@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 from ..change.results import STATES, ChangeResult
 from ..errors import BimVerifyError
 from ..options import ChangeOptions
 from ..progress import Progress
-from .checks import check_folder, check_outputs, parse_origin
+from .checks import check_folder, check_outputs, parse_origin, refuse_inputs, refuse_same
 from .table import COMMON, MODEL, ORIGIN, Argument, Command, Outcome, Values
 
 DEFAULT = ChangeOptions()
@@ -52,27 +53,39 @@ def _change(values: Values, progress: Progress) -> Outcome:
     from ..jobs import change
     from ..report.change_files import change_to_json, write_remaining, write_voxels
     from ..report.change_page import write_change_report
+    from ..report.html import PAGE, TABLE
 
     options = change_options(values)
     reference = values["reference"] or []
     inputs = [values["model"], *reference, *(path for epoch in values["epoch"] for path in epoch)]
-    extra = [values[key] for key in ("json", "blend") if values.get(key)]
-    check_outputs(inputs, [values[key] for key in ("out", "voxels") if values[key]] + extra)
-    for key in ("report", "remaining"):
-        if values[key]:
-            check_folder(values[key])
+    outputs = [values[key] for key in ("out", "voxels", "json") if values[key]]
+    check_outputs(inputs, outputs)
+    if values["report"]:
+        check_folder(values["report"])
+        refuse_same(values["report"], outputs)
+        refuse_inputs(inputs, [str(Path(values["report"]) / name) for name in (PAGE, TABLE)])
+    if values["remaining"]:
+        check_folder(values["remaining"])
+        refuse_same(values["remaining"], outputs)
     result = change(values["model"], values["epoch"], reference or None, options, progress.part(0.0, 0.9))
-    write_changed_ifc(values["model"], result, values["out"])
-    lines = summary_lines(result)
-    lines.append(f"Property sets: {values['out']}")
+    lines = [*summary_lines(result), f"Property sets: {values['out']}"]
     if values["voxels"]:
-        write_voxels(values["voxels"], result)
         lines.append(f"{len(result.voxels.state):,} voxels: {values['voxels']}")
     if values["remaining"]:
-        lines.append(f"Remaining shapes of {len(write_remaining(values['remaining'], result))} elements: {values['remaining']}")
+        lines.append(f"Remaining shapes of {len(result.remaining)} elements: {values['remaining']}")
     if values["report"]:
-        lines.append(f"Report: {write_change_report(values['report'], result, progress=progress.part(0.9, 1.0))}")
-    return Outcome(lines, change_to_json(result), result)
+        lines.append(f"Report: {Path(values['report']) / PAGE}")
+
+    def write() -> None:
+        write_changed_ifc(values["model"], result, values["out"])
+        if values["voxels"]:
+            write_voxels(values["voxels"], result)
+        if values["remaining"]:
+            write_remaining(values["remaining"], result)
+        if values["report"]:
+            write_change_report(values["report"], result, progress=progress.part(0.9, 1.0))
+
+    return Outcome(lines, change_to_json(result), result, write)
 
 
 def summary_lines(result: ChangeResult) -> list[str]:
@@ -82,7 +95,8 @@ def summary_lines(result: ChangeResult) -> list[str]:
     counts = ", ".join(f"{found[state]} {state}" for state in STATES)
     lines = [
         f"{found['elements']} elements against {against}: {counts}.",
-        f"Gone {found['disappeared_volume']:.3f} m3, standing {found['built_volume']:.3f} m3, in voxels of {1000 * result.edge:g} mm.",
+        f"Gone {found['disappeared_volume']:.3f} m3, standing {found['built_volume']:.3f} m3, "
+        f"in voxels of {1000 * result.edge:g} mm.",
     ]
     new = [c for c in result.clusters if c.kind == "NEW"]
     if new:

@@ -19,10 +19,9 @@ from ..change.decide import element_state, ratios
 from ..change.look import EpochSight, look_at_elements, sensor_model
 from ..change.planned import Planned, parse_date, read_planned
 from ..change.progress import expected_state, group_progress, judge
-from ..change.results import ChangeResult, ElementChange, EpochRecord
+from ..change.results import DISAPPEARED, ChangeResult, ElementChange, EpochRecord
 from ..change.solids import SolidVoxels, fitting_edge, voxelise
 from ..change.voxels import (
-    DISAPPEARED,
     Universe,
     compare,
     count_states,

@@ -15,7 +15,7 @@ _SPREAD = np.uint64(0x9E3779B97F4A7C15)
 @njit(cache=True, nogil=True, inline="always")
 def _slot(key: int, size: int) -> int:
     mixed = np.uint64(key) * _SPREAD
-    return np.int64((mixed ^ (mixed >> np.uint64(29))) & np.uint64(size - 1))
+    return int(np.int64((mixed ^ (mixed >> np.uint64(29))) & np.uint64(size - 1)))
 
 
 @njit(cache=True, nogil=True)

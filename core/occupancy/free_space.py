@@ -17,11 +17,11 @@ from ..evidence.station_index import StationIndex, pseudo_azimuth, pseudo_elevat
 from .clear_range import ClearRange
 from .grid import CELLS, brick_corner
 
-PASSED = np.uint8(1)
+PASSED = 1
 """A ray passes through the voxel."""
-BETWEEN = np.uint8(2)
+BETWEEN = 2
 """No ray meets the voxel, but all rays around it pass beyond: rays lie farther apart than voxels there."""
-SURFACE = np.uint8(4)
+SURFACE = 4
 """Rays lie farther apart than voxels, and the plane of the returns around goes through the voxel."""
 CORNER = math.sqrt(3.0) / 2.0
 """Half a voxel's diagonal, in edges: the worst shift of a point from its voxel's middle."""
@@ -46,8 +46,8 @@ def _columns_within(azimuth: float, half: float, columns: int) -> tuple[int, int
     """First and last column that azimuths (pseudo, 0 ... 4) within ``half`` may touch; unwrapped, so below 0 too."""
     if half >= 1.0:
         return 0, columns - 1
-    first = int(math.floor((azimuth - half) * 0.25 * columns))
-    last = int(math.floor((azimuth + half) * 0.25 * columns))
+    first = math.floor((azimuth - half) * 0.25 * columns)
+    last = math.floor((azimuth + half) * 0.25 * columns)
     if last - first >= columns:
         return 0, columns - 1
     return first, last

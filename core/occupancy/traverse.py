@@ -31,7 +31,7 @@ def _walk(
     steps = 0
     for n in prange(len(returns)):
         gx, gy, gz = returns[n, 0] / edge, returns[n, 1] / edge, returns[n, 2] / edge
-        i, j, k = int(math.floor(sx)), int(math.floor(sy)), int(math.floor(sz))
+        i, j, k = math.floor(sx), math.floor(sy), math.floor(sz)
         di = 1 if gx > 0 else (-1 if gx < 0 else 0)
         dj = 1 if gy > 0 else (-1 if gy < 0 else 0)
         dk = 1 if gz > 0 else (-1 if gz < 0 else 0)
@@ -41,7 +41,7 @@ def _walk(
         wz = 1.0 / abs(gz) if dk else math.inf
         end = float(share[n])
         t = 0.0
-        last, row = np.int64(-1), -1
+        last, row = -1, -1
         while t < end:
             key = brick_key(i, j, k)
             if key != last:

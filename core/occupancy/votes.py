@@ -27,7 +27,7 @@ def _vote(
     votes: NDArray[np.uint16], returns: NDArray[np.uint8],
 ) -> tuple[int, int]:
     """Enter returns from ``begin`` on; stops early when the table is full. Returns (next return, bricks used)."""
-    last_key, last_row = np.int64(-1), -1
+    last_key, last_row = -1, -1
     for n in range(begin, len(offsets)):
         if len(own) and not own[n]:
             continue

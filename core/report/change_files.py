@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..change.results import ChangeResult
-from ..change.voxels import DISAPPEARED, VoxelCloud
+from ..change.results import DISAPPEARED, ChangeResult
+from ..change.voxels import VoxelCloud
 from ..files import whole_file
 from ..scans.write_ply import write_ply
 from .csv_out import guard
@@ -73,8 +73,8 @@ def changes_csv(result: ChangeResult) -> bytes:
 def write_voxels(path: str | Path, result: ChangeResult) -> None:
     """Write the voxels' middles (model frame, metres), normals of their surface, state and element.
 
-    State 0 unknown, 1 confirmed, 2 new, 3 disappeared; ``element`` is the row of ``elements`` in the JSON file, -1 for none. The
-    normal points from a voxel's neighbours of the same state towards free space; zero where it has none on any side.
+    State 0 unknown, 1 confirmed, 2 new, 3 disappeared; ``element`` is the row of ``elements`` in the JSON file, -1 for
+    none. The normal points from a voxel's neighbours of the same state towards free space; zero where it has none on any side.
     """
     cloud = result.voxels
     position = np.array(result.anchor) + result.edge * (cloud.index + 0.5)
@@ -110,7 +110,7 @@ def remaining_mesh(result: ChangeResult, row: int) -> tuple[NDArray[np.float64],
     cloud = result.voxels
     gone = cloud.index[(cloud.element == row) & (cloud.state == DISAPPEARED)]
     left = _without(solid, gone)
-    return _skin(left, np.array(result.anchor), result.edge)
+    return voxel_skin(left, np.array(result.anchor), result.edge)
 
 
 def write_remaining(folder: str | Path, result: ChangeResult) -> list[Path]:
@@ -144,10 +144,10 @@ def _without(index: NDArray[np.int64], gone: NDArray[np.int64]) -> NDArray[np.in
     return index[~np.isin(code, np.ravel_multi_index((gone - low).T, size))]
 
 
-def _skin(
+def voxel_skin(
     index: NDArray[np.int64], anchor: NDArray[np.float64], edge: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Faces between voxels (N, 3) and what is not one of them."""
+    """Outer faces of voxels (N, 3): vertices (V, 3) [m, frame of ``anchor``] and quads (Q, 4), outward."""
     if not len(index):
         return np.zeros((0, 3)), np.zeros((0, 4), np.int64)
     low = index.min(axis=0) - 1

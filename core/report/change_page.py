@@ -103,7 +103,10 @@ def headline(result: ChangeResult) -> str:
         if count[state]:  # type: ignore[index]
             found.append(f"{count[state]} {word}")  # type: ignore[index]
     changed = ", ".join(found) if found else "no element changed"
-    return f"Of {seen} elements that were seen, {count['CONFIRMED']} stand as before; {changed}. {count['UNKNOWN']} were not seen."
+    return (
+        f"Of {seen} elements that were seen, {count['CONFIRMED']} stand as before; {changed}. "
+        f"{count['UNKNOWN']} were not seen."
+    )
 
 
 def _colors() -> str:

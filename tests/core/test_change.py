@@ -202,7 +202,8 @@ def test_dates_are_read_from_tasks(tmp_path: Path) -> None:
     file.create_entity(
         "IfcRelAssignsToProcess", ifcopenshell.guid.new(), RelatedObjects=[walls[0]], RelatingProcess=child
     )
-    value = file.create_entity("IfcPropertyEnumeratedValue", "Status", EnumerationValues=[file.create_entity("IfcLabel", "DEMOLISH")])
+    word = file.create_entity("IfcLabel", "DEMOLISH")
+    value = file.create_entity("IfcPropertyEnumeratedValue", "Status", EnumerationValues=[word])
     common = file.create_entity("IfcPropertySet", ifcopenshell.guid.new(), Name="Pset_WallCommon", HasProperties=[value])
     file.create_entity(
         "IfcRelDefinesByProperties", ifcopenshell.guid.new(), RelatedObjects=[walls[1]], RelatingPropertyDefinition=common

@@ -23,6 +23,7 @@ from bim_verify.core.simulation.box_building import ArraySource
 
 SIZE = np.array([3.0, 2.4, 2.0])
 STATION = np.array([1.013, 1.107, 1.009])
+SECOND = STATION + np.array([0.8, 0.3, 0.1])
 GRID = VoxelGrid.for_model(np.zeros(3), 0.02)
 
 
@@ -100,10 +101,10 @@ def test_a_dense_scan_needs_three_returns_and_a_sparse_one_says_that_it_does_not
 
 
 def observed(memory_gb: float, order: np.ndarray | None = None) -> np.ndarray:
-    returns = [room(40_000), room(40_000, STATION + [0.8, 0.3, 0.1], 5)]
+    returns = [room(40_000), room(40_000, SECOND, 5)]
     if order is not None:
         returns = [r[order] for r in returns]
-    stations = (Station("a", STATION), Station("b", STATION + [0.8, 0.3, 0.1]))
+    stations = (Station("a", STATION), Station("b", SECOND))
     table = all_bricks()
     with ReturnStore(ArraySource(stations, returns), memory_gb) as store:
         indexes = StationIndexes(store, np.zeros(3))
