@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.change.results import CONFIRMED, DISAPPEARED, NEW, UNKNOWN, ChangeResult
-from ..core.report.palette import CHANGE_COLORS, VOXEL_COLORS, to_linear
+from ..core.report.palette import VOXEL_COLORS, to_linear
 from . import frame, materials, scene
 
 STATES_KEY = "bim_verify_states"
 """On element objects: their state at each epoch, joined by spaces; the last one is that of the comparison."""
 EPOCHS_KEY = "bim_verify_epochs"
+MODE = "CHANGE"
 VOXELS = "Voxels"
 VOXEL_KEY = "bim_verify_voxels"
 STATE = "bv_state"
@@ -43,37 +44,39 @@ def show_change(target: bpy.types.Scene, result: ChangeResult) -> None:
         f"{found['CONFIRMED']} confirmed, {found['NEW']} new, {found['DISAPPEARED']} gone, {found['PARTIAL']} partial, "
         f"{found['UNKNOWN']} unknown"
     )
-    settings.epoch = len(columns)  # colours the elements
+    settings.epoch = len(columns)
+    color_elements(target)
+
+
+def state_now(item: bpy.types.Object) -> str:
+    """State of an element at the epoch that the slider says; empty where no comparison knows it."""
+    states = str(item.get(STATES_KEY, "")).split()
+    at = bpy.context.scene.bim_verify_change.epoch - 1
+    return states[min(at, len(states) - 1)] if states else ""
 
 
 def color_elements(target: bpy.types.Scene) -> None:
     """Colour all elements by their state at the epoch that the slider says."""
+    from . import paint
+
     settings = target.bim_verify_change
     if not settings.epochs:
         return
     if settings.epoch > settings.epochs:
         settings.epoch = settings.epochs  # calls this again
         return
-    at = settings.epoch - 1
     names = str(target.get(EPOCHS_KEY, "")).split("\n")
+    at = settings.epoch - 1
     settings.epoch_name = names[at] if at < len(names) else ""
-    material = materials.surface_material(scene.COLOR)
-    for item in scene.element_objects(target).values():
-        states = str(item.get(STATES_KEY, "")).split()
-        if at >= len(states):
-            continue
-        color = to_linear(np.array(CHANGE_COLORS[states[at]]))
-        _paint(item.data, np.broadcast_to(color, (len(item.data.vertices), 3)))
-        if not item.data.materials:
-            item.data.materials.append(material)
+    target.bim_verify.color_mode = MODE
+    paint.refresh(target)
 
 
 def _paint(mesh: bpy.types.Mesh, rgb: NDArray[np.float64]) -> None:
     rgba = np.ones((len(mesh.vertices), 4), np.float32)
     rgba[:, :3] = rgb
     scene.set_attribute(mesh, scene.COLOR, "FLOAT_COLOR", rgba)
-    mesh.color_attributes.active_color_name = scene.COLOR
-    mesh.color_attributes.render_color_index = mesh.color_attributes.active_color_index
+    scene.make_active_color(mesh)
     mesh.update_tag()
 
 

@@ -7,9 +7,11 @@ from typing import Any
 
 import bpy
 
+from ...core.report import palette
 from .. import change_scene, project
 from ..capability import Capability, Step, StepState
 from ..change_properties import BimVerifyChangeSettings
+from ..colors import Category, categorical
 
 
 def _state(scene: bpy.types.Scene) -> StepState:
@@ -52,6 +54,19 @@ def show(scene: bpy.types.Scene, result: Any) -> bool:
     return True
 
 
+MODES = (
+    categorical(
+        change_scene.MODE,
+        "Change",
+        "What became of the element: at the epoch that the slider says",
+        tuple(
+            Category(state, state.capitalize(), palette.CHANGE_MEANINGS[state], color)
+            for state, color in palette.CHANGE_COLORS.items()
+        ),
+        change_scene.state_now,
+    ),
+)
+
 CAPABILITY = Capability(
-    "change", Step("change", "Change", _state, _draw, _expert, optional=True), settings=BimVerifyChangeSettings, show=show
+    "change", Step("change", "Change", _state, _draw, _expert, optional=True), MODES, BimVerifyChangeSettings, show=show
 )

@@ -18,13 +18,6 @@ from .change_files import changes_csv
 from .html import FOLDER, _csp_hash, format_number, format_percent
 
 SIGNS: dict[State, str] = {"CONFIRMED": "✓", "NEW": "+", "DISAPPEARED": "✕", "PARTIAL": "◐", "UNKNOWN": "?"}
-MEANINGS: dict[State, str] = {
-    "CONFIRMED": "stands where it stood",
-    "NEW": "stands where nothing stood",
-    "DISAPPEARED": "rays pass through its place",
-    "PARTIAL": "a part is gone, or it moved",
-    "UNKNOWN": "not seen, so nothing is known",
-}
 ORDER: tuple[State, ...] = ("DISAPPEARED", "NEW", "PARTIAL", "UNKNOWN", "CONFIRMED")
 MOST_CLUSTERS = 40
 
@@ -69,7 +62,7 @@ def render_change_page(result: ChangeResult) -> str:
         r=result,
         rows=rows,
         states=[
-            {"key": s, "sign": SIGNS[s], "meaning": MEANINGS[s], "count": result.count(s)} for s in STATES
+            {"key": s, "sign": SIGNS[s], "meaning": palette.CHANGE_MEANINGS[s], "count": result.count(s)} for s in STATES
         ],
         signs=SIGNS,
         headline=headline(result),

@@ -53,7 +53,14 @@ CHANGE_HEX = {
     "CONFIRMED": "#0b8a66", "NEW": "#f2c400", "DISAPPEARED": "#b4123c", "PARTIAL": "#e0762a", "UNKNOWN": "#4a78c8",
 }
 """States of a comparison: confirmed green, new yellow, disappeared red, unknown blue."""
-CHANGE_COLORS: dict[str, RGB] = {state: _rgb(code) for state, code in CHANGE_HEX.items()}
+CHANGE_COLORS: dict[str, RGB] = {state: rgb(code) for state, code in CHANGE_HEX.items()}
+CHANGE_MEANINGS = {
+    "CONFIRMED": "stands where it stood",
+    "NEW": "stands where nothing stood",
+    "DISAPPEARED": "rays pass through its place",
+    "PARTIAL": "a part is gone, or it moved",
+    "UNKNOWN": "not seen, so nothing is known",
+}
 VOXEL_COLORS = np.array([CHANGE_COLORS[state] for state in ("UNKNOWN", "CONFIRMED", "NEW", "DISAPPEARED")])
 """(4, 3) by the state of a voxel."""
 

@@ -52,7 +52,8 @@ def test_grid_is_fixed_to_the_model_frame() -> None:
     near, far = VoxelGrid.for_model(np.array([0.0, 0.0, 0.0]), 0.03), VoxelGrid.for_model(np.array([7.0, -3.0, 1.0]), 0.03)
     place = np.array([[7.511, -2.404, 1.302]])
     center = near.centers(near.index(place))
-    there = far.centers(far.index(place - [7.0, -3.0, 1.0])) + [7.0, -3.0, 1.0]
+    origin = np.array([7.0, -3.0, 1.0])
+    there = far.centers(far.index(place - origin)) + origin
     assert np.allclose(center, there, atol=1e-9)
 
 
