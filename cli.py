@@ -106,6 +106,8 @@ def _add(parser: argparse.ArgumentParser, argument: Argument) -> None:
         options["choices"] = argument.choices
     if argument.many:
         options["nargs"] = "+"
+    if argument.repeat:
+        options["action"] = "append"
     if argument.name.startswith("-"):
         if not argument.choices:
             options["metavar"] = "N" if argument.kind is not str else argument.key.upper()

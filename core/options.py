@@ -43,3 +43,23 @@ class VerifyOptions(InputOptions):
     preset: str = "derived"
     """``derived``: kappa, c and lambda from point spacing and sensor sigma; else a named preset of sensing.presets."""
     seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChangeOptions(InputOptions):
+    """Options of ``jobs.change``. Lengths in metres."""
+
+    voxel: float = 0.01
+    """Edge of a voxel, metres; doubled as often as it takes when the model's solids do not fit into the memory."""
+    min_points: int = 3
+    """Returns that make a voxel occupied; fewer do where a surface would send fewer back."""
+    loa: int | None = None
+    """Level of accuracy that the result is wanted for; a warning says when voxels cannot support it."""
+    sigma: float = 0.0025
+    """Standard deviation of one return along its ray, metres."""
+    registration_sigma: float | None = None
+    """Standard deviation of a station's position, metres; None: estimated from the stations' agreement."""
+    sample_spacing: float = 0.02
+    """Distance between query positions on planned surfaces, metres."""
+    date: str = ""
+    """Day of the last epoch, for scans that do not say it (ISO 8601)."""

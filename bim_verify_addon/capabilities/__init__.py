@@ -12,6 +12,7 @@ NAMES = (
     "scans",
     "align",
     "verify",
+    "change",
     "export",
 )
 

@@ -4,9 +4,11 @@ The console script, ``blender --command bim_verify``, the headless scripts and t
 defaults and help from here.
 """
 
-from . import decide, demo, info, simulate, verify
+from . import change, decide, demo, info, simulate, verify
 from .table import Argument, Command, Outcome
 
-COMMANDS: tuple[Command, ...] = (verify.COMMAND, decide.COMMAND, simulate.COMMAND, info.COMMAND, demo.COMMAND)
+COMMANDS: tuple[Command, ...] = (
+    verify.COMMAND, change.COMMAND, decide.COMMAND, simulate.COMMAND, info.COMMAND, demo.COMMAND,
+)
 
 __all__ = ["COMMANDS", "Argument", "Command", "Outcome"]

@@ -23,6 +23,8 @@ class Argument:
     many: bool = False
     required: bool = False
     flag: bool = False
+    repeat: bool = False
+    """With ``many``: may be given several times, each time with several values; its value is a list of lists."""
 
     @property
     def key(self) -> str:

@@ -1,5 +1,6 @@
 """Files to results: what every face of the project calls. One module a job."""
 
+from .change_detection import change
 from .verification import align_scans, verify
 
-__all__ = ["align_scans", "verify"]
+__all__ = ["align_scans", "change", "verify"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -33,14 +33,26 @@ def write_verified_ifc(
     """
     from .decisions import apply_decisions
 
+    def add(file: Any) -> int | bool:
+        found = apply_psets(file, result, progress=progress) or not result.verdicts
+        apply_decisions(file, result.decisions)
+        return found
+
+    write_ifc_copy(source_ifc, out, add)
+
+
+def write_ifc_copy(source_ifc: str | Path, out: str | Path, add: Callable[[Any], int | bool]) -> None:
+    """Copy ``source_ifc`` to ``out`` with what ``add`` puts into the open file; it returns 0 when no element was found.
+
+    Raises BimVerifyError as ``write_verified_ifc`` does.
+    """
     source, target = Path(source_ifc), Path(out)
     if _same_file(source, target):
         raise BimVerifyError(f"{target} is the input model, which is never written to. Give another output name.")
     with whole_file(target) as temporary:
         file = open_ifc(source)
-        if not apply_psets(file, result, progress=progress) and result.verdicts:
+        if not add(file):
             raise BimVerifyError(f"{source} holds none of the verified elements. Give the model that was verified.")
-        apply_decisions(file, result.decisions)
         if not _write_whole(file, temporary):
             raise BimVerifyError(f"Cannot write {target}: the disk is full. Free some space or choose another place.")
 
@@ -51,25 +63,45 @@ def apply_psets(ifc_file: Any, result: VerificationResult, *, progress: Progress
     Elements that the file no longer holds are left out. Each element gets a set of its own: a set that it shares with
     others stays with the others, duplicates are removed, and an unknown number is no property.
     """
+    source = scan_source(result.scan_paths)
+    rows = (
+        (element.step_id, element.global_id,
+         verification_properties(verdict, source, result.scan_date, result.method))
+        for element, verdict in zip(result.model.elements, result.verdicts, strict=True)
+    )
+    return apply_property_set(ifc_file, PSET_NAME, rows, len(result.verdicts), progress)
+
+
+def apply_property_set(
+    ifc_file: Any, name: str, rows: Iterable[tuple[int, str, dict[str, TypedValue]]], count: int,
+    progress: Progress | None = None,
+) -> int:
+    """Put a property set on elements (STEP id, GlobalId, properties) of an open file; returns how many were found.
+
+    Elements that the file no longer holds are left out. Each element gets a set of its own: a set that it shares with
+    others stays with the others, duplicates are removed, and an unknown number is no property.
+    """
     import ifcopenshell.api.pset
     import ifcopenshell.util.unit
 
     progress = progress or Progress()
     unit_m = float(ifcopenshell.util.unit.calculate_unit_scale(ifc_file))
+    volume_m3 = float(ifcopenshell.util.unit.calculate_unit_scale(ifc_file, "VOLUMEUNIT"))
     require_owner(ifc_file)
-    scan_source = _scan_source(result.scan_paths)
     found = 0
-    for row, (element, verdict) in enumerate(zip(result.model.elements, result.verdicts, strict=True)):
-        progress.update(row / len(result.verdicts), "Writing property sets")
-        product = element_by_id(ifc_file, verdict.global_id, element.step_id)
+    for row, (step_id, global_id, typed) in enumerate(rows):
+        progress.update(row / max(count, 1), "Writing property sets")
+        product = element_by_id(ifc_file, global_id, step_id)
         if product is None:
             continue
         found += 1
-        typed = verification_properties(verdict, scan_source, result.scan_date, result.method)
-        properties = {name: _entity(ifc_file, kind, value, unit_m) for name, (kind, value) in typed.items()}
-        pset = own_set(ifc_file, product)
+        properties = {
+            key: _entity(ifc_file, kind, value, volume_m3 if kind == "IfcVolumeMeasure" else unit_m)
+            for key, (kind, value) in typed.items()
+        }
+        pset = own_set(ifc_file, product, name)
         if pset is None:
-            pset = ifcopenshell.api.pset.add_pset(ifc_file, product=product, name=PSET_NAME)
+            pset = ifcopenshell.api.pset.add_pset(ifc_file, product=product, name=name)
         properties |= {p.Name: None for p in pset.HasProperties or () if p.Name not in properties}
         ifcopenshell.api.pset.edit_pset(ifc_file, pset=pset, properties=properties, should_purge=True)
     return found
@@ -109,7 +141,7 @@ def verification_properties(
 
 
 def _entity(file: Any, kind: str, value: str | float | int | bool | None, unit_m: float) -> Any:
-    """A typed IFC value in the file's unit; None for an unknown or non-finite one."""
+    """A typed IFC value in the file's unit, which is ``unit_m`` of SI; None for an unknown or non-finite one."""
     if value is None or (not isinstance(value, str) and not math.isfinite(value)):
         return None
     if kind == "IfcLabel":
@@ -119,10 +151,11 @@ def _entity(file: Any, kind: str, value: str | float | int | bool | None, unit_m
     if kind == "IfcInteger":
         return file.create_entity(kind, int(value))
     number = float(value)
-    return file.create_entity(kind, number / unit_m if kind == "IfcLengthMeasure" else min(max(number, 0.0), 1.0))
+    measured = kind in ("IfcLengthMeasure", "IfcVolumeMeasure")
+    return file.create_entity(kind, number / unit_m if measured else min(max(number, 0.0), 1.0))
 
 
-def _scan_source(paths: tuple[str, ...]) -> str:
+def scan_source(paths: tuple[str, ...]) -> str:
     """File names (no folders) as far as a label holds them."""
     names = list(dict.fromkeys(Path(path).name for path in paths))
     for kept in range(len(names), 0, -1):

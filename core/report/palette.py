@@ -49,6 +49,21 @@ BELIEF_HEX = {"occupied": "#0b8a66", "empty": "#b4123c", "unknown": "#94a0b4"}
 BELIEF_COLORS: dict[str, RGB] = {name: rgb(code) for name, code in BELIEF_HEX.items()}
 """Occupied green, empty red, unknown blue-grey."""
 
+CHANGE_HEX = {
+    "CONFIRMED": "#0b8a66", "NEW": "#f2c400", "DISAPPEARED": "#b4123c", "PARTIAL": "#e0762a", "UNKNOWN": "#4a78c8",
+}
+"""States of a comparison: confirmed green, new yellow, disappeared red, unknown blue."""
+CHANGE_COLORS: dict[str, RGB] = {state: rgb(code) for state, code in CHANGE_HEX.items()}
+CHANGE_MEANINGS = {
+    "CONFIRMED": "stands where it stood",
+    "NEW": "stands where nothing stood",
+    "DISAPPEARED": "rays pass through its place",
+    "PARTIAL": "a part is gone, or it moved",
+    "UNKNOWN": "not seen, so nothing is known",
+}
+VOXEL_COLORS = np.array([CHANGE_COLORS[state] for state in ("UNKNOWN", "CONFIRMED", "NEW", "DISAPPEARED")])
+"""(4, 3) by the state of a voxel."""
+
 DEVIATION_STOPS = (
     "#0a468c", "#2a76ba", "#5fa5d4", "#b0d3e8", "#ebebe6", "#f3c39e", "#e2864f", "#c4531f", "#9a3208",
 )  # fmt: skip

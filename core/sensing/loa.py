@@ -49,3 +49,18 @@ def probability_within(bound: float, sigma: float) -> float:
 def convert_belief(belief: float, sigma_measured: float, sigma_level: float) -> float:
     """Belief carried to a level: P(Z) bel / 0.95 with Z = sigma_level / sigma_measured (the table's conversion)."""
     return probability_within(sigma_level, sigma_measured) * belief / 0.95
+
+
+def supported_level(edge: float, relative: bool = False) -> int | None:
+    """The highest level that voxels of ``edge`` metres can support; None below LOA10.
+
+    Absolute: its upper bound holds the worst shift of a point (eq. 4.1). ``relative``, for distances between two objects each
+    of which just meets that level: the level whose bound holds their quadratic tolerance (eq. 4.4; the linear one, eq. 4.5,
+    gives the same).
+    """
+    worst = worst_voxel_shift(edge)
+    level = max((level for level in LEVELS if worst <= UPPER_BOUND_M[level]), default=None)
+    if level is None or not relative:
+        return level
+    tolerance = relative_tolerance(UPPER_BOUND_M[level], UPPER_BOUND_M[level])
+    return max((level for level in LEVELS if tolerance <= UPPER_BOUND_M[level]), default=None)

@@ -57,6 +57,13 @@ STATIONS: tuple[tuple[str, tuple[float, float, float]], ...] = (
 """Name and position of the scanner's centre; model frame, metres."""
 
 
+LATER_STATIONS = ("Living room", "Kitchen", "Hall", "Upper corridor", "Bedroom west", "Garden west", "Balcony")
+"""The second epoch is scanned from these."""
+LATER_BUILT = ("Hall ceiling", "Single bed", "Balcony railing west")
+LATER_GONE = ("Wardrobe", "Living room beam", "Chair 1")
+"""Between the epochs some of what was missing was built, other things were taken away, and the clutter was cleared."""
+
+
 @dataclass(frozen=True)
 class DemoFiles:
     """What ``make_demo`` wrote."""
@@ -84,6 +91,26 @@ def make_demo(
         progress=progress.part(0.15, 1.0),
     )
     return DemoFiles(ifc, found.scan_path, folder / "truth.json", found.returns)
+
+
+def make_later_epoch(folder: str | Path, seed: int = 1, *, progress: Progress | None = None) -> Path:
+    """Write ``scan_later.e57`` and ``truth_later.json`` beside the files of ``make_demo``; returns the scan's path."""
+    folder = Path(folder)
+    model = load_model(folder / "house.ifc")
+    first = demo_campaign(model, seed)
+    row = {element.name: index for index, element in enumerate(model.elements)}
+    edits = {k: v for k, v in first.edits.items() if model.elements[k].name not in LATER_BUILT}
+    edits |= {row[name]: Edit("remove") for name in LATER_GONE if name in row}
+    later = dataclasses.replace(
+        first, edits=edits, props=(), seed=seed + 1,
+        set_ups=tuple(
+            dataclasses.replace(s, name=f"{s.name}, later") for s in first.set_ups if s.name in LATER_STATIONS
+        ),
+    )
+    found = scan_to_files(
+        later, folder / "scan_later.e57", folder / "truth_later.json", progress=progress or Progress()
+    )
+    return found.scan_path
 
 
 def demo_campaign(model: BuildingModel, seed: int, *, glass: Glass = "lossy") -> Campaign:

@@ -1,0 +1,114 @@
+"""A comparison in the scene: elements coloured by state, epoch by epoch, and the voxels that changed."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.change.results import CONFIRMED, DISAPPEARED, NEW, UNKNOWN, ChangeResult
+from ..core.report.palette import VOXEL_COLORS, to_linear
+from . import frame, materials, scene
+
+STATES_KEY = "bim_verify_states"
+"""On element objects: their state at each epoch, joined by spaces; the last one is that of the comparison."""
+EPOCHS_KEY = "bim_verify_epochs"
+MODE = "CHANGE"
+VOXELS = "Voxels"
+VOXEL_KEY = "bim_verify_voxels"
+STATE = "bv_state"
+MOST_POINTS = 500_000
+NAMES = {CONFIRMED: "Confirmed", NEW: "New", DISAPPEARED: "Disappeared", UNKNOWN: "Unknown"}
+
+
+def show_change(target: bpy.types.Scene, result: ChangeResult) -> None:
+    """Show elements and voxels of a comparison; what an earlier one showed is replaced."""
+    scene.show_model(target, result.model)
+    series = [*([result.reference] if result.reference else []), *result.epochs]
+    columns = [epoch.states for epoch in series]
+    names = [f"{epoch.name} {epoch.date[:10]}".strip() for epoch in series]
+    if result.reference:
+        columns.append(tuple(e.state for e in result.elements))
+        names.append("change")
+    objects = scene.element_objects(target)
+    for row, found in enumerate(result.elements):
+        item = objects.get(found.global_id)
+        if item is not None:
+            item[STATES_KEY] = " ".join(column[row] for column in columns)
+    target[EPOCHS_KEY] = "\n".join(names)
+    _show_voxels(target, result)
+    settings = target.bim_verify_change
+    settings.epochs = len(columns)
+    found = result.summary()
+    settings.summary = (
+        f"{found['CONFIRMED']} confirmed, {found['NEW']} new, {found['DISAPPEARED']} gone, {found['PARTIAL']} partial, "
+        f"{found['UNKNOWN']} unknown"
+    )
+    settings.epoch = len(columns)
+    color_elements(target)
+
+
+def state_now(item: bpy.types.Object) -> str:
+    """State of an element at the epoch that the slider says; empty where no comparison knows it."""
+    states = str(item.get(STATES_KEY, "")).split()
+    at = bpy.context.scene.bim_verify_change.epoch - 1
+    return states[min(at, len(states) - 1)] if states else ""
+
+
+def color_elements(target: bpy.types.Scene) -> None:
+    """Colour all elements by their state at the epoch that the slider says."""
+    from . import paint
+
+    settings = target.bim_verify_change
+    if not settings.epochs:
+        return
+    if settings.epoch > settings.epochs:
+        settings.epoch = settings.epochs  # calls this again
+        return
+    names = str(target.get(EPOCHS_KEY, "")).split("\n")
+    at = settings.epoch - 1
+    settings.epoch_name = names[at] if at < len(names) else ""
+    target.bim_verify.color_mode = MODE
+    paint.refresh(target)
+
+
+def _paint(mesh: bpy.types.Mesh, rgb: NDArray[np.float64]) -> None:
+    rgba = np.ones((len(mesh.vertices), 4), np.float32)
+    rgba[:, :3] = rgb
+    scene.set_attribute(mesh, scene.COLOR, "FLOAT_COLOR", rgba)
+    scene.make_active_color(mesh)
+    mesh.update_tag()
+
+
+def _show_voxels(target: bpy.types.Scene, result: ChangeResult) -> None:
+    """New and gone voxels as surfaces, the others as points."""
+    from ..core.report.change_files import voxel_skin
+
+    for old in [item for item in target.objects if VOXEL_KEY in item]:
+        mesh = old.data
+        bpy.data.objects.remove(old)
+        if mesh.users == 0:
+            bpy.data.meshes.remove(mesh)
+    place = frame.stored(target) or frame.ViewFrame()
+    cloud = result.voxels
+    for code, name in NAMES.items():
+        index = cloud.index[cloud.state == code]
+        if not len(index):
+            continue
+        if code in (NEW, DISAPPEARED):
+            vertices, quads = voxel_skin(index, np.array(result.anchor), result.edge)
+        else:
+            index = index[:: max(-(-len(index) // MOST_POINTS), 1)]
+            vertices = np.array(result.anchor) + result.edge * (index + 0.5)
+            quads = np.zeros((0, 4), np.int64)
+        middle = np.round(vertices.mean(axis=0))
+        mesh = bpy.data.meshes.new(f"{VOXELS} {name}")
+        mesh.from_pydata((vertices - middle).tolist(), [], quads.tolist())
+        scene.set_attribute(mesh, STATE, "INT", np.full(len(vertices), code, np.int32))
+        _paint(mesh, np.broadcast_to(to_linear(VOXEL_COLORS[code]), (len(vertices), 3)))
+        mesh.materials.append(materials.surface_material(scene.COLOR))
+        item = bpy.data.objects.new(f"{VOXELS} {name}", mesh)
+        item[VOXEL_KEY] = code
+        item[frame.ORIGIN_KEY] = [float(v) for v in middle]
+        frame.place(item, place)
+        scene.collection(target, VOXELS).objects.link(item)

@@ -1,0 +1,72 @@
+"""What changed between epochs and against the model."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import bpy
+
+from ...core.options import ChangeOptions
+from ...core.progress import Progress
+from .. import bonsai, change_scene, project, scene
+from ..jobs import Job, Work
+from ..session import SESSION
+from .file_browser import idle
+
+if TYPE_CHECKING:
+    from ...core.change.results import ChangeResult
+
+
+class BIMVERIFY_OT_change(Job["ChangeResult"], bpy.types.Operator):
+    """Say what appeared, vanished or stayed, colour the elements by it and show the voxels that changed."""
+
+    bl_idname = "bim_verify.change"
+    bl_label = "Find Changes"
+    bl_description = "Compare the scans with the reference epoch, or with the model: what is new, gone, or as before"
+    bl_options = {"REGISTER", "UNDO"}
+    title = "Change"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        settings = context.scene.bim_verify
+        if not project.has_model(settings):
+            cls.poll_message_set("Import an IFC model first")
+            return False
+        if not any(scan.use for scan in settings.scans):
+            cls.poll_message_set("Add at least one scan first")
+            return False
+        return idle(cls)
+
+    def prepare(self, context: bpy.types.Context) -> Work[ChangeResult]:
+        from ...core import jobs
+
+        settings, own = context.scene.bim_verify, context.scene.bim_verify_change
+        options = ChangeOptions(
+            voxel=own.voxel_mm / 1000, min_points=own.min_points, sigma=settings.sigma_mm / 1000,
+            sample_spacing=settings.spacing_mm / 1000, scan_frame=settings.scan_frame,
+            origin=project.scanner_position(settings.origin), threads=settings.threads, memory_gb=settings.memory_gb,
+        )
+        load, paths = project.model_loader(context.scene), project.scan_paths(settings)
+        epochs = [[path] for path in paths] if own.each_file else [paths]
+        reference = [bpy.path.abspath(own.reference)] if own.reference.strip() else None
+
+        def work(progress: Progress) -> ChangeResult:
+            model = load(progress.part(0.0, 0.1))
+            return jobs.change(model, epochs, reference, options, progress.part(0.1, 1.0))
+
+        return work
+
+    def finish(self, context: bpy.types.Context, value: ChangeResult) -> str:
+        from ...core.change.psets import apply_changes
+
+        live = bonsai.live_file()
+        if live is not None:
+            apply_changes(live, value)
+        SESSION.models[context.scene.name] = value.model
+        project.adopt_frame(context.scene, value.model)
+        change_scene.show_change(context.scene, value)
+        scene.show_planned(context, False)
+        scene.show_colors_in_views()
+        for warning in value.warnings:
+            self.report({"WARNING"}, warning)
+        return context.scene.bim_verify_change.summary

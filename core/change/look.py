@@ -1,0 +1,153 @@
+"""What one epoch says of each planned element: it stands, it is gone, it moved, part of it stands, or nobody saw it.
+
+Voxels of 10 mm are coarse against what a scan knows, so this is decided on the returns themselves, with the sightings that
+``verify`` uses: a hidden surface is no evidence, returns that another element explains are not taken for this one, and
+noise at a voxel's border plays no part. Voxels then say where and how much.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BimVerifyError
+from ..evidence.collect import StationIndexes
+from ..evidence.decide import GLAZED, Context, Place
+from ..evidence.gather import SensorModel
+from ..evidence.registration import estimate_registration_sigma
+from ..evidence.thresholds import Thresholds
+from ..evidence.verify import Scenery, looks_through_glass, places, with_glass
+from ..model.elements import BuildingModel
+from ..model.on_element import ElementSurfaces
+from ..model.raycast import RayScene
+from ..model.samples import SurfaceSamples
+from ..progress import Progress
+from ..sensing.loa import level_sigma, worst_voxel_shift
+
+Seen = Literal["STANDS", "GONE", "MOVED", "PART", "UNSEEN"]
+LOA = 30
+"""Planned surfaces are taken to be this accurate (sigma 7.5 mm), the usual requirement for as-built models."""
+NEAR_M = 1.0
+
+
+@dataclass(frozen=True)
+class ElementSight:
+    """What an epoch says of one element. Areas in m2, lengths in metres."""
+
+    seen: Seen
+    at: float
+    """Area found at its planned place (or at the place it moved to)."""
+    beyond: float
+    """Area of its planned surface that rays passed through."""
+    exposed: float
+    """Area that other elements leave open."""
+    shift: tuple[float, float, float] | None
+    """Where it stands against the plan, in the directions the scan determines."""
+    reason: str
+
+    @property
+    def distance(self) -> float:
+        return 0.0 if self.shift is None else math.sqrt(sum(v * v for v in self.shift))
+
+
+def change_tolerance(edge: float, sigma: float, registration: float) -> float:
+    """Metres within which the grid cannot tell a place from another: half a voxel's diagonal and the measurement (95 %)."""
+    return worst_voxel_shift(edge) + 2.0 * math.hypot(sigma, registration)
+
+
+def sensor_model(sigma: float) -> SensorModel:
+    """How returns are weighed."""
+    return SensorModel(sigma, level_sigma(LOA))
+
+
+@dataclass(frozen=True)
+class EpochSight:
+    """One epoch's look at all elements."""
+
+    elements: tuple[ElementSight, ...]
+    """One per ``model.elements``."""
+    registration_sigma: float
+    see_through: bool
+    tolerance: float
+
+
+def look_at_elements(
+    model: BuildingModel, samples: SurfaceSamples, scene: RayScene, stations: StationIndexes, *, sigma: float,
+    edge: float, registration_sigma: float | None, progress: Progress,
+) -> EpochSight:
+    """Decide for each element what this epoch shows. Raises BimVerifyError when no return comes near the model."""
+    thresholds = Thresholds()
+    window = max(worst_voxel_shift(edge), thresholds.window_floor) + 3 * sigma
+    scenery = Scenery(
+        model, samples, stations, scene, ElementSurfaces(model), sensor_model(sigma),
+        explain_within=thresholds.explain_within + 2 * sigma,
+    )
+    seen = scenery.look(scenery.plan_queries(), progress.part(0.0, 0.6))
+    low, high = model.bounds
+    near = ((seen.point >= low - NEAR_M) & (seen.point <= high + NEAR_M)).all(axis=1)
+    if not (near.any() or (seen.deviation < 0).any()):
+        names = ", ".join(s.name for s in stations.stations[:3])
+        raise BimVerifyError(
+            f"No return of the stations {names} comes near the model: scan and model are in different frames; "
+            "register the scan."
+        )
+    if registration_sigma is None:
+        registration_sigma = estimate_registration_sigma(seen, samples, sigma, window)
+    context = Context(
+        loa=LOA, sigma=sigma, registration_sigma=registration_sigma, window=window,
+        see_through=looks_through_glass(scenery, seen, window), thresholds=thresholds,
+        station_names=tuple(s.name for s in stations.stations),
+    )
+    seen = with_glass(scenery, seen, samples.triangle[seen.sample], context.see_through)
+    found = places(scenery, seen, context, progress.part(0.6, 1.0))
+    exposed = np.bincount(
+        found.samples.element, weights=found.samples.area * found.samples.exposed, minlength=len(model.elements)
+    )
+    tolerance = change_tolerance(edge, sigma, registration_sigma)
+    elements = tuple(
+        _sight(model, row, plan, best, float(exposed[row]), tolerance, context)
+        for row, (plan, best) in enumerate(zip(found.plans, found.best, strict=True))
+    )
+    return EpochSight(elements, registration_sigma, context.see_through, tolerance)
+
+
+def _sight(
+    model: BuildingModel, row: int, plan: Place, best: Place, exposed: float, tolerance: float, context: Context
+) -> ElementSight:
+    t = context.thresholds
+    share = (plan.at + plan.beyond) / max(exposed, 1e-12)
+    shift = best.fit.vector if len(best.fit.determined) else None
+    vector = None if shift is None else (float(shift[0]), float(shift[1]), float(shift[2]))
+    length = 0.0 if shift is None else float(np.linalg.norm(shift))
+
+    def sight(seen: Seen, reason: str, place: Place = plan, where: bool = True) -> ElementSight:
+        return ElementSight(seen, place.at, plan.beyond, exposed, vector if where else None, reason)
+
+    if best is not plan:
+        if length <= tolerance:
+            near = f"It stands {1000 * length:.0f} mm from its planned place, which voxels do not tell apart."
+            return sight("STANDS", near, best)
+        return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.", best)
+    if exposed <= 0:
+        return sight("UNSEEN", "Other elements touch or enclose its whole surface.", where=False)
+    if share < t.least_seen_share or plan.sightings < t.least_sightings:
+        return sight("UNSEEN", f"Only {share:.1%} of its surface was in view of a station.", where=False)
+    absent, present = t.absent_share, t.present_share
+    if model.elements[row].ifc_class.startswith(GLAZED) and not model.transparent[_triangles(model, row)].any():
+        absent = present = t.glazed_share
+    if plan.share <= absent:
+        return sight("GONE", f"Rays pass through {1 - plan.share:.0%} of the {share:.0%} of its surface in view.", where=False)
+    if plan.share < present:
+        return sight("PART", f"{plan.share:.0%} of its surface in view is at its place; rays pass through the rest.")
+    if length > tolerance:
+        return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.")
+    return sight("STANDS", f"{plan.share:.0%} of the {share:.0%} of its surface in view is at its place.")
+
+
+def _triangles(model: BuildingModel, row: int) -> NDArray[np.int64]:
+    start = model.triangle_start
+    return np.arange(start[row], start[row + 1])

@@ -1,0 +1,144 @@
+"""What a comparison found. Every face (console, report, property sets, Blender) reads these records."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+from ..options import ChangeOptions
+from .planned import Planned
+
+if TYPE_CHECKING:
+    from ..model.elements import BuildingModel
+    from .voxels import VoxelCloud
+
+State = Literal["CONFIRMED", "NEW", "DISAPPEARED", "PARTIAL", "UNKNOWN"]
+UNKNOWN, CONFIRMED, NEW, DISAPPEARED, NOTHING = 0, 1, 2, 3, 255
+"""States of voxels, as in the PLY file; NOTHING marks voxels that are no part of the result."""
+STATES: tuple[State, ...] = ("CONFIRMED", "NEW", "DISAPPEARED", "PARTIAL", "UNKNOWN")
+Persistence = Literal["stays", "temporary", "unknown"]
+Progressing = Literal["on time", "early", "late", "not built", "should be gone", "cannot tell"]
+PROGRESS: tuple[Progressing, ...] = ("on time", "early", "late", "not built", "should be gone", "cannot tell")
+
+
+@dataclass(frozen=True)
+class ElementChange:
+    """What became of one element. Ratios are shares of its planned volume and add up to 1; volumes in m3."""
+
+    global_id: str
+    ifc_class: str
+    name: str
+    storey: str
+    state: State
+    confirmed_ratio: float
+    disappeared_ratio: float
+    new_ratio: float
+    unknown_ratio: float
+    volume: float
+    """Planned, from its solid."""
+    disappeared_volume: float
+    built_volume: float
+    shift: float | None
+    """Metres from the planned place (from the reference epoch's, where there is one); None where nothing fixes it."""
+    expected: State
+    agrees: bool | None
+    """Whether what was seen is what was expected; None when it was not seen."""
+    progress: Progressing
+    reason: str
+    moved: bool = False
+    """It stands, but not where it was planned."""
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Connected new or gone voxels. Metres, model frame."""
+
+    kind: Literal["NEW", "DISAPPEARED"]
+    voxels: int
+    volume: float
+    """m3 of its voxels: of a new object only those that beams met are known."""
+    center: tuple[float, float, float]
+    size: tuple[float, float, float]
+    element: str
+    """GlobalId of the nearest element."""
+    distance: float
+    """To that element's box; 0 inside."""
+    inside: bool
+    """Most of it lies in planned solids."""
+    persistence: Persistence
+    """Whether the other epochs saw it too."""
+
+
+@dataclass(frozen=True)
+class EpochRecord:
+    """One epoch: its scans, and what it says of all elements."""
+
+    name: str
+    paths: tuple[str, ...]
+    date: str
+    stations: int
+    returns: int
+    occupied: int
+    """Voxels."""
+    sparse: int
+    """Of these, occupied with fewer returns than the threshold, because the scan is sparse there."""
+    registration_sigma: float
+    states: tuple[State, ...]
+    """One per element, against the model."""
+
+
+@dataclass(frozen=True)
+class GroupProgress:
+    """Progress of a storey, a class or a task. Shares of planned volume."""
+
+    kind: Literal["storey", "class", "task"]
+    name: str
+    elements: int
+    complete: float | None
+    """Of what was observed; None when nothing was."""
+    planned: float | None
+    """What should stand at the scan's date, of what was observed."""
+    not_observed: float
+
+
+@dataclass(frozen=True)
+class ChangeResult:
+    """Everything that one comparison found."""
+
+    model: BuildingModel
+    options: ChangeOptions
+    edge: float
+    """Metres; larger than asked for where memory demands it."""
+    elements: tuple[ElementChange, ...]
+    """One per ``model.elements``, same order."""
+    epochs: tuple[EpochRecord, ...]
+    """In order; the last one is what elements are reported for."""
+    reference: EpochRecord | None
+    planned: tuple[Planned, ...]
+    clusters: tuple[Cluster, ...]
+    groups: tuple[GroupProgress, ...]
+    voxels: VoxelCloud
+    anchor: tuple[float, float, float]
+    """Corner of voxel (0, 0, 0), metres, model frame."""
+    remaining: tuple[int, ...]
+    """Rows of elements of which a part is gone."""
+    method: str
+    timings: dict[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def epoch(self) -> EpochRecord:
+        return self.epochs[-1]
+
+    def count(self, state: State) -> int:
+        """Number of elements in this state."""
+        return sum(e.state == state for e in self.elements)
+
+    def summary(self) -> dict[str, Any]:
+        """Counts per state and the volumes, for a one-line answer."""
+        return {
+            "elements": len(self.elements),
+            **{s: self.count(s) for s in STATES},
+            "disappeared_volume": sum(e.disappeared_volume for e in self.elements),
+            "built_volume": sum(e.built_volume for e in self.elements),
+        }

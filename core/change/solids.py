@@ -1,0 +1,278 @@
+"""The model's solids as voxels, inside included, in height layers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from ..errors import BimVerifyError
+from ..model.elements import BuildingModel
+from ..occupancy.bricks import BrickTable, find, insert
+from ..occupancy.grid import CELLS, VoxelGrid, brick_key, cell_of
+from ..progress import Progress
+
+NUDGE_M = (1.1e-6, 1.3e-6, 1.7e-6)
+"""Middles are moved by this, so that faces at whole millimetres never go through one."""
+CELLS_AT_ONCE = 8_000_000
+BYTES_PER_CELL = 9
+"""Element, wanted, labels and states of two epochs, and their copies while they are made."""
+THIN_SHARE = 0.5
+"""An element of which the middles of voxels catch less than this share of its volume is kept by its surface."""
+
+
+@dataclass(frozen=True)
+class SolidVoxels:
+    """Which element each voxel belongs to."""
+
+    grid: VoxelGrid
+    table: BrickTable
+    element: NDArray[Any]
+    """(B, 512) int16 or int32, rows of ``model.elements``; -1 where there is none."""
+    count: NDArray[np.int64]
+    """(E,) voxels of each element."""
+    volume: NDArray[np.float64]
+    """(E,) m3 of the solid itself, from its triangles; 0 for an open surface."""
+
+
+def fitting_edge(model: BuildingModel, edge: float, memory_gb: float) -> float:
+    """The smallest of edge, 2 edge, 4 edge ... whose voxels of the whole model fit into ``memory_gb``."""
+    volume = mesh_volumes(model)
+    corner = model.vertices[model.triangles]
+    area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1).sum()
+    for _ in range(12):
+        cells = (volume.sum() + 8 * edge * area) / edge**3
+        if cells * BYTES_PER_CELL < 0.8 * memory_gb * 1e9:
+            return edge
+        edge *= 2
+    raise BimVerifyError(
+        f"The solids of {model.path} fill too much space for {memory_gb:g} GB; give more --memory-gb or a larger --voxel-mm."
+    )
+
+
+def mesh_volumes(model: BuildingModel) -> NDArray[np.float64]:
+    """(E,) m3 inside closed surfaces; 0 for open ones."""
+    corner = model.vertices[model.triangles]
+    start = model.triangle_start[:-1]
+    reference = corner[np.minimum(start, len(corner) - 1), 0][model.triangle_element]
+    a, b, c = (corner[:, n] - reference for n in range(3))
+    signed = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+    volume = np.bincount(model.triangle_element, weights=signed, minlength=len(model.elements))
+    return np.where(model.closed, np.maximum(volume, 0.0), 0.0)
+
+
+def voxelise(model: BuildingModel, grid: VoxelGrid, progress: Progress | None = None) -> SolidVoxels:
+    """Voxels whose middle lies inside an element; of thin and open elements those that their surface goes through.
+
+    A voxel in two solids belongs to the first; a surface claims only voxels in no solid.
+    """
+    progress = progress or Progress()
+    volume = mesh_volumes(model)
+    owners = _Owners(np.int16 if len(model.elements) < 2**15 else np.int32)
+    count = len(model.elements)
+    start = model.triangle_start
+    corner = (model.vertices[model.triangles] - grid.anchor - NUDGE_M) / grid.edge
+    thin = []
+    for row in range(count):
+        progress.update(row / count, "Filling solids with voxels")
+        part = corner[start[row] : start[row + 1]]
+        if not len(part):
+            continue
+        found = 0
+        if model.closed[row]:
+            for mask, first in _inside(part):
+                found += owners.enter(mask, first, row)
+        if found * grid.edge**3 < THIN_SHARE * volume[row] or not found:
+            thin.append(row)
+    for row in thin:
+        owners.enter_surface(corner[start[row] : start[row + 1]], row)
+    table, element = owners.finish()
+    counts = np.zeros(count, np.int64)
+    for begin in range(0, len(element), 4096):
+        part_of = element[begin : begin + 4096]
+        counts += np.bincount(part_of[part_of >= 0], minlength=count)
+    return SolidVoxels(grid, table, element, counts, volume)
+
+
+def solid_voxels_of(model: BuildingModel, edge: float, row: int) -> NDArray[np.int64]:
+    """(N, 3) the voxels whose middle lies inside one closed element, in the grid of ``voxelise``."""
+    grid = VoxelGrid.for_model(model.origin, edge)
+    start = model.triangle_start
+    corner = (model.vertices[model.triangles[start[row] : start[row + 1]]] - grid.anchor - NUDGE_M) / grid.edge
+    found = [np.argwhere(mask)[:, ::-1] + first for mask, first in _inside(corner)] if model.closed[row] else []
+    return np.concatenate([np.zeros((0, 3), np.int64), *found])
+
+
+class _Owners:
+    """Elements by voxel while they are entered, one after the other."""
+
+    def __init__(self, kind: type) -> None:
+        self.keys = np.empty(0, np.int64)
+        self.element: NDArray[Any] = np.empty((0, CELLS), kind)
+        self.used = 0
+        self.table = BrickTable(self.keys)
+
+    def _room(self, bricks: int) -> None:
+        wanted = self.used + bricks
+        if wanted <= len(self.keys):
+            return
+        more = max(wanted, len(self.keys) + len(self.keys) // 4) - len(self.keys)
+        self.keys = np.concatenate([self.keys, np.empty(more, np.int64)])
+        self.element = np.concatenate([self.element, np.full((more, CELLS), -1, self.element.dtype)])
+        self.table = BrickTable(self.keys[: self.used], len(self.keys))
+
+    def enter(self, mask: NDArray[np.bool_], first: NDArray[np.int64], row: int) -> int:
+        """Give the set voxels of a box (layers, rows, columns) whose corner is ``first`` (x, y, z) to an element."""
+        self._room(int(np.prod(np.array(mask.shape) // 8 + 2)))
+        self.used, found = _enter(
+            mask, first[0], first[1], first[2], row, self.table.slot_key, self.table.slot_row, self.keys, self.used,
+            self.element,
+        )
+        return int(found)
+
+    def enter_surface(self, corner: NDArray[np.float64], row: int) -> None:
+        """Give the voxels in no solid that triangles (T, 3, 3), in voxel units, go through to an element."""
+        at = 0
+        while at < len(corner):
+            self._room(4096)
+            at, self.used = _enter_surface(
+                corner, at, row, self.table.slot_key, self.table.slot_row, self.keys, self.used, self.element
+            )
+
+    def finish(self) -> tuple[BrickTable, NDArray[Any]]:
+        """Bricks by ascending key."""
+        order = np.argsort(self.keys[: self.used])
+        keys, element = self.keys[: self.used][order], self.element[: self.used][order]
+        return BrickTable(keys), element
+
+
+@njit(cache=True, nogil=True)
+def _enter(  # type: ignore[no-untyped-def]
+    mask, i0, j0, k0, who, slot_key, slot_row, keys, used, element
+):
+    found = 0
+    last, row = -1, -1
+    for k in range(mask.shape[0]):
+        for j in range(mask.shape[1]):
+            for i in range(mask.shape[2]):
+                if not mask[k, j, i]:
+                    continue
+                found += 1
+                key = brick_key(i0 + i, j0 + j, k0 + k)
+                if key != last:
+                    last = key
+                    row = find(key, slot_key, slot_row)
+                    if row < 0:
+                        row = used
+                        keys[row] = key
+                        insert(key, row, slot_key, slot_row)
+                        used += 1
+                cell = cell_of(i0 + i, j0 + j, k0 + k)
+                if element[row, cell] < 0:
+                    element[row, cell] = who
+    return used, found
+
+
+@njit(cache=True, nogil=True)
+def _enter_surface(  # type: ignore[no-untyped-def]
+    corner, at, who, slot_key, slot_row, keys, used, element
+):
+    """Points on triangles at most half a voxel apart; stops at the triangle for which the table has no more room."""
+    for t in range(at, len(corner)):
+        a, b, c = corner[t, 0], corner[t, 1], corner[t, 2]
+        ab, ac, bc = b - a, c - a, c - b
+        longest = math.sqrt(max((ab * ab).sum(), (ac * ac).sum(), (bc * bc).sum()))
+        steps = int(2.0 * longest) + 2
+        for m in range(steps + 1):
+            for n in range(steps + 1 - m):
+                u, v = m / steps, n / steps
+                i = math.floor(a[0] + u * ab[0] + v * ac[0])
+                j = math.floor(a[1] + u * ab[1] + v * ac[1])
+                k = math.floor(a[2] + u * ab[2] + v * ac[2])
+                key = brick_key(i, j, k)
+                row = find(key, slot_key, slot_row)
+                if row < 0:
+                    if used == len(keys):
+                        return t, used
+                    row = used
+                    keys[row] = key
+                    insert(key, row, slot_key, slot_row)
+                    used += 1
+                cell = cell_of(i, j, k)
+                if element[row, cell] < 0:
+                    element[row, cell] = who
+    return len(corner), used
+
+
+def _inside(corner: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.int64]]]:
+    """Which voxels (layers, rows, columns) of a box lie inside a closed surface (T, 3, 3) given in voxel units, and the
+    box's first voxel (x, y, z); a few height layers at a time."""
+    low = np.floor(corner.reshape(-1, 3).min(axis=0)).astype(np.int64)
+    high = np.floor(corner.reshape(-1, 3).max(axis=0)).astype(np.int64) + 1
+    size = high - low
+    layers = max(int(CELLS_AT_ONCE // max(size[0] * size[1], 1)), 1)
+    bottom, top = corner[:, :, 2].min(axis=1), corner[:, :, 2].max(axis=1)
+    for first in range(int(low[2]), int(high[2]), layers):
+        last = min(first + layers, int(high[2]))
+        part = np.ascontiguousarray(corner[(top > first) & (bottom < last)])
+        if not len(part):
+            continue
+        turn = np.zeros((last - first, int(size[1]), int(size[0]) + 1), np.int16)
+        _cross_rows(part, low[0], low[1], first, turn)
+        yield _wind(turn), np.array([low[0], low[1], first])
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _wind(turn: NDArray[np.int16]) -> NDArray[np.bool_]:
+    out = np.zeros((turn.shape[0], turn.shape[1], turn.shape[2] - 1), np.bool_)
+    for k in prange(turn.shape[0]):
+        for j in range(turn.shape[1]):
+            total = 0
+            for i in range(turn.shape[2] - 1):
+                total += turn[k, j, i]
+                out[k, j, i] = total != 0
+    return out
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _cross_rows(corner: NDArray[np.float64], i0: int, j0: int, k0: int, turn: NDArray[np.int16]) -> None:
+    """Count, row by row along x, where the surface is entered (+) and left (-), at the first middle behind it."""
+    layers, rows, columns = turn.shape
+    for k in prange(layers):
+        z = k0 + k + 0.5
+        for t in range(len(corner)):
+            c = corner[t]
+            z0, z1, z2 = c[0, 2], c[1, 2], c[2, 2]
+            if max(z0, z1, z2) <= z or min(z0, z1, z2) > z:
+                continue
+            # the section of the triangle at this height is one segment
+            n = 0
+            ax = ay = bx = by = 0.0
+            for e in range(3):
+                p, q = c[e], c[(e + 1) % 3]
+                if (p[2] <= z) == (q[2] <= z):
+                    continue
+                if p[2] > q[2]:  # the same point from both triangles of an edge
+                    p, q = q, p
+                s = (z - p[2]) / (q[2] - p[2])
+                x, y = p[0] + s * (q[0] - p[0]), p[1] + s * (q[1] - p[1])
+                if n == 0:
+                    ax, ay = x, y
+                else:
+                    bx, by = x, y
+                n += 1
+            if n != 2 or ay == by:
+                continue
+            nx = (c[1, 1] - c[0, 1]) * (c[2, 2] - c[0, 2]) - (c[1, 2] - c[0, 2]) * (c[2, 1] - c[0, 1])
+            sign = 1 if nx < 0 else -1
+            low, high = min(ay, by), max(ay, by)
+            for j in range(max(int(np.ceil(low - 0.5)) - j0, 0), min(int(np.ceil(high - 0.5)) - j0, rows)):
+                y = j0 + j + 0.5
+                x = ax + (y - ay) / (by - ay) * (bx - ax)
+                i = int(np.ceil(x - 0.5)) - i0
+                turn[k, j, min(max(i, 0), columns - 1)] += sign

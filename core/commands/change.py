@@ -1,0 +1,140 @@
+"""``bim-verify change``: what changed between epochs and against the model."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from ..change.results import STATES, ChangeResult
+from ..errors import BimVerifyError
+from ..options import ChangeOptions
+from ..progress import Progress
+from .checks import check_folder, check_outputs, parse_origin, refuse_inputs, refuse_same
+from .table import COMMON, MODEL, ORIGIN, Argument, Command, Outcome, Values
+
+DEFAULT = ChangeOptions()
+
+
+def change_options(values: Values) -> ChangeOptions:
+    """Options of a comparison from a command's values."""
+    from ..change.planned import parse_date
+
+    for key in ("voxel_mm", "sigma_mm", "memory_gb"):
+        if not 0 < values[key] < math.inf:
+            raise BimVerifyError(f"--{key.replace('_', '-')} must be a number larger than zero, not {values[key]:g}.")
+    if not 1 <= values["voxel_mm"] <= 1000:
+        raise BimVerifyError(f"--voxel-mm must be 1 to 1000 millimetres, not {values['voxel_mm']:g}.")
+    if not 1 <= values["min_points"] <= 1000:
+        raise BimVerifyError(f"--min-points must be 1 to 1000, not {values['min_points']}.")
+    if values["threads"] < 0:
+        raise BimVerifyError(f"--threads must be zero (all) or more, not {values['threads']}.")
+    registration = values["registration_sigma_mm"]
+    if registration is not None and not 0 <= registration < math.inf:
+        raise BimVerifyError(f"--registration-sigma-mm must be zero or more, not {registration:g}.")
+    if values["date"] and parse_date(values["date"]) is None:
+        raise BimVerifyError(f"--date takes a day like 2025-03-31, not {values['date']!r}.")
+    return ChangeOptions(
+        voxel=values["voxel_mm"] / 1000,
+        min_points=values["min_points"],
+        loa=values["loa"],
+        sigma=values["sigma_mm"] / 1000,
+        registration_sigma=None if registration is None else registration / 1000,
+        date=values["date"] or "",
+        scan_frame=values["frame"],
+        origin=parse_origin(values["origin"]),
+        threads=values["threads"],
+        memory_gb=values["memory_gb"],
+        cache=not values["no_cache"],
+    )
+
+
+def _change(values: Values, progress: Progress) -> Outcome:
+    from ..change.psets import write_changed_ifc
+    from ..jobs import change
+    from ..report.change_files import change_to_json, write_remaining, write_voxels
+    from ..report.change_page import write_change_report
+    from ..report.html import PAGE, TABLE
+
+    options = change_options(values)
+    reference = values["reference"] or []
+    inputs = [values["model"], *reference, *(path for epoch in values["epoch"] for path in epoch)]
+    outputs = [values[key] for key in ("out", "voxels", "json") if values[key]]
+    check_outputs(inputs, outputs)
+    if values["report"]:
+        check_folder(values["report"])
+        refuse_same(values["report"], outputs)
+        refuse_inputs(inputs, [str(Path(values["report"]) / name) for name in (PAGE, TABLE)])
+    if values["remaining"]:
+        check_folder(values["remaining"])
+        refuse_same(values["remaining"], outputs)
+    result = change(values["model"], values["epoch"], reference or None, options, progress.part(0.0, 0.9))
+    lines = [*summary_lines(result), f"Property sets: {values['out']}"]
+    if values["voxels"]:
+        lines.append(f"{len(result.voxels.state):,} voxels: {values['voxels']}")
+    if values["remaining"]:
+        lines.append(f"Remaining shapes of {len(result.remaining)} elements: {values['remaining']}")
+    if values["report"]:
+        lines.append(f"Report: {Path(values['report']) / PAGE}")
+
+    def write() -> None:
+        write_changed_ifc(values["model"], result, values["out"])
+        if values["voxels"]:
+            write_voxels(values["voxels"], result)
+        if values["remaining"]:
+            write_remaining(values["remaining"], result)
+        if values["report"]:
+            write_change_report(values["report"], result, progress=progress.part(0.9, 1.0))
+
+    return Outcome(lines, change_to_json(result), result, write)
+
+
+def summary_lines(result: ChangeResult) -> list[str]:
+    """The result in a few lines for a person."""
+    found = result.summary()
+    against = "the reference epoch" if result.reference else "the model"
+    counts = ", ".join(f"{found[state]} {state}" for state in STATES)
+    lines = [
+        f"{found['elements']} elements against {against}: {counts}.",
+        f"Gone {found['disappeared_volume']:.3f} m3, standing {found['built_volume']:.3f} m3, "
+        f"in voxels of {1000 * result.edge:g} mm.",
+    ]
+    new = [c for c in result.clusters if c.kind == "NEW"]
+    if new:
+        lines.append(f"{len(new)} groups of voxels are not in the model or the reference; the largest holds {new[0].voxels:,}.")
+    if any(p.act for p in result.planned):
+        late = sum(e.progress in ("late", "not built", "should be gone") for e in result.elements)
+        lines.append(f"Progress: {late} elements are late, not built or should be gone.")
+    lines += [f"Note: {warning}" for warning in result.warnings[:5]]
+    return lines
+
+
+COMMAND = Command(
+    "change",
+    "say what appeared, vanished or stayed between epochs of scans and against the model, and how far the work has come",
+    (
+        MODEL,
+        Argument(
+            "--epoch", "scan files of one epoch; give it again for later epochs, in order of time", many=True,
+            required=True, repeat=True,
+        ),
+        Argument("--reference", "scan files of the epoch to compare with (default: the model)", many=True),
+        Argument("--out", "IFC file to write, with a property set on every element", required=True),
+        Argument("--voxel-mm", "edge of a voxel, millimetres", float, 10.0),
+        Argument("--min-points", "returns that make a voxel occupied", int, DEFAULT.min_points),
+        Argument("--voxels", "PLY file of all voxels with their state"),
+        Argument("--report", "folder for the report (one HTML page, one CSV)"),
+        Argument("--remaining", "folder for the remaining shapes of partly demolished elements (OBJ)"),
+        Argument("--loa", "level of accuracy that the result is wanted for: warns if voxels cannot support it",
+                 int, None, (10, 20, 30, 40, 50)),
+        Argument("--date", "day of the last epoch, like 2025-03-31, for scans that do not say it"),
+        Argument("--sigma-mm", "standard deviation of one return along its ray, millimetres", float, 2.5),
+        Argument(
+            "--registration-sigma-mm",
+            "standard deviation of a station's position, millimetres (default: from the stations' agreement)", float,
+        ),
+        Argument("--frame", "frame the scans are in", str, DEFAULT.scan_frame, ("auto", "model", "map")),
+        ORIGIN,
+        *COMMON,
+    ),
+    _change,
+)

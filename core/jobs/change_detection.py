@@ -1,0 +1,259 @@
+"""What changed: the whole way from epochs of scans to states of voxels, elements and clusters, and the progress."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import __version__
+from ..change.closing import close_gone
+from ..change.clusters import find_clusters
+from ..change.decide import element_state, ratios
+from ..change.look import EpochSight, look_at_elements, sensor_model
+from ..change.planned import Planned, parse_date, read_planned
+from ..change.progress import expected_state, group_progress, judge
+from ..change.results import DISAPPEARED, ChangeResult, ElementChange, EpochRecord
+from ..change.solids import SolidVoxels, fitting_edge, voxelise
+from ..change.voxels import (
+    Universe,
+    compare,
+    count_states,
+    deep,
+    universe,
+    voxel_cloud,
+)
+from ..errors import BimVerifyError
+from ..evidence.collect import StationIndexes
+from ..model.elements import BuildingModel
+from ..model.load import open_ifc
+from ..model.raycast import RayScene
+from ..model.sample_surface import sample_surface
+from ..occupancy.epoch import UNSEEN, Observation, observe, occupied_voxels
+from ..occupancy.grid import VoxelGrid
+from ..occupancy.votes import Occupied
+from ..options import ChangeOptions
+from ..progress import Progress
+from ..scans.campaign import ScanSource
+from ..scans.store import ReturnStore
+from ..sensing.loa import label, supported_level, worst_voxel_shift
+from .inputs import Stopwatch, limited_threads, open_campaign, open_model
+
+Scans = ScanSource | Sequence[str | Path]
+
+
+def change(
+    model: BuildingModel | str | Path,
+    epochs: Sequence[Scans],
+    reference: Scans | None = None,
+    options: ChangeOptions | None = None,
+    progress: Progress | None = None,
+) -> ChangeResult:
+    """Compare epochs of scans with each other and with a model; elements are reported for the last epoch.
+
+    epochs : one or more campaigns in order of time, each scan files or what was opened from them.
+    reference : the epoch that the last one is compared with; None: the model.
+
+    Nothing is written. Raises BimVerifyError with one sentence when a file cannot be used or an epoch does not come near
+    the model.
+    """
+    options = options or ChangeOptions()
+    progress = progress or Progress()
+    if not epochs:
+        raise BimVerifyError("No epoch was given. Name the scans of at least one.")
+    with limited_threads(options.threads), ExitStack() as stack:
+        watch = Stopwatch()
+        model = open_model(model, options, progress.part(0.0, 0.08))
+        watch.lap("tessellation")
+        edge = fitting_edge(model, options.voxel, options.memory_gb)
+        grid = VoxelGrid.for_model(model.origin, edge)
+        solids = voxelise(model, grid, progress.part(0.08, 0.15))
+        watch.lap("solids")
+        samples = sample_surface(model, options.sample_spacing, scene=(scene := RayScene(model)), cache=options.cache)
+        watch.lap("query positions")
+        campaigns = [*([reference] if reference is not None else []), *epochs]
+        names = [*(["reference"] if reference is not None else []), *_names(len(epochs))]
+        views = []
+        for n, (name, scans) in enumerate(zip(names, campaigns, strict=True)):
+            part = progress.part(0.15 + 0.6 * n / len(campaigns), 0.15 + 0.6 * (n + 1) / len(campaigns))
+            source = open_campaign(model, scans, options)
+            store = stack.enter_context(
+                ReturnStore(source, options.memory_gb * 0.5 / len(campaigns), part.part(0.0, 0.3))
+            )
+            stations = StationIndexes(store, model.origin)
+            sight = look_at_elements(
+                model, samples, scene, stations, sigma=options.sigma, edge=edge,
+                registration_sigma=options.registration_sigma, progress=part.part(0.3, 0.9),
+            )
+            occupied = occupied_voxels(
+                stations, grid, options.min_points, sensor_model(options.sigma), part.part(0.9, 1.0)
+            )
+            views.append(_View(name, source, store, stations, sight, occupied))
+        watch.lap("looking at elements")
+        world = universe(solids, [v.occupied for v in views])
+        seen = [
+            observe(
+                v.stations, grid, v.occupied, world.table, world.wanted, sensor_model(options.sigma),
+                progress.part(0.75 + 0.15 * n / len(views), 0.75 + 0.15 * (n + 1) / len(views)),
+            )
+            for n, v in enumerate(views)
+        ]
+        watch.lap("free space")
+        progress.update(0.92, "Comparing")
+        result = _compare(model, solids, world, views, seen, reference is not None, options, watch)
+        watch.lap("comparison")
+        return result
+
+
+@dataclass(frozen=True)
+class _View:
+    """An epoch while it is worked on."""
+
+    name: str
+    source: ScanSource
+    store: ReturnStore
+    stations: StationIndexes
+    sight: EpochSight
+    occupied: Occupied
+
+    @property
+    def date(self) -> str:
+        return max((s.acquired for s in self.source.stations), default="")
+
+
+def _names(count: int) -> list[str]:
+    return ["epoch"] if count == 1 else [f"epoch {n + 1}" for n in range(count)]
+
+
+def _compare(
+    model: BuildingModel, solids: SolidVoxels, world: Universe, views: list[_View], seen: list[Observation],
+    has_reference: bool, options: ChangeOptions, watch: Stopwatch,
+) -> ChangeResult:
+    edge = solids.grid.edge
+    now, before = views[-1], views[0] if has_reference else None
+    state = _states(world, seen[-1], seen[0] if has_reference else None)
+    day = parse_date(options.date or now.date)
+    plans = _plans(model)
+    elements = _elements(model, solids, world, state, now.sight, before.sight if before else None, plans, day)
+    anything = np.zeros(state.shape, np.bool_)
+    for epoch in seen:
+        anything |= epoch.state != UNSEEN
+    cloud = voxel_cloud(world, state, anything)
+    anchor = solids.grid.anchor + model.origin
+    weight = [e.volume or 1e-3 for e in elements]
+    records = [
+        replace(
+            _record(model, v), states=tuple(
+                e.state for e in (
+                    elements if v is now and not has_reference else _elements(
+                        model, solids, world, _states(world, o, None), v.sight, None, plans, day
+                    )
+                )
+            )
+        )
+        for v, o in zip(views, seen, strict=True)
+    ]
+    if options.date:
+        records[-1] = replace(records[-1], date=options.date)
+    return ChangeResult(
+        model=model, options=options, edge=edge, elements=elements,
+        epochs=tuple(records[1:] if has_reference else records), reference=records[0] if has_reference else None,
+        planned=plans, clusters=find_clusters(model, solids.grid, cloud, seen[:-1]),
+        groups=group_progress(elements, plans, weight), voxels=cloud,
+        anchor=(float(anchor[0]), float(anchor[1]), float(anchor[2])),
+        remaining=tuple(n for n, e in enumerate(elements) if e.state == "PARTIAL" and not e.moved and e.disappeared_ratio > 0),
+        method=f"bim_verify {__version__} occupancy", timings=watch.seconds,
+        warnings=tuple(_warnings(model, edge, options, views, plans, day)),
+    )
+
+
+def _states(world: Universe, epoch: Observation, reference: Observation | None) -> NDArray[np.uint8]:
+    state = compare(world, epoch, reference)
+    close_gone(world, epoch, state)
+    return state
+
+
+def _elements(
+    model: BuildingModel, solids: SolidVoxels, world: Universe, state: NDArray[np.uint8], now: EpochSight,
+    before: EpochSight | None, plans: tuple[Planned, ...], day: date | None,
+) -> tuple[ElementChange, ...]:
+    gone = (state == DISAPPEARED) & world.planned
+    thick = deep(world, gone)
+    counts = count_states(world, state, len(model.elements))
+    thick_count = np.bincount(world.element[thick], minlength=len(model.elements))
+    tolerance = max(now.tolerance, before.tolerance) if before else now.tolerance
+    found = []
+    for row, element in enumerate(model.elements):
+        mine, then = now.elements[row], before.elements[row] if before else None
+        share = float(thick_count[row] / max(counts[row].sum(), 1))
+        decision = element_state(model, row, mine, then, share, tolerance)
+        what = decision.state
+        shares = ratios(decision, counts[row], mine)
+        volume = float(solids.volume[row])
+        expected = expected_state(plans[row], day)
+        progress, agrees = judge(plans[row], expected, mine.seen)
+        if agrees and what in ("PARTIAL", "DISAPPEARED") and expected in ("CONFIRMED", "NEW"):
+            agrees = False
+        found.append(ElementChange(
+            element.global_id, element.ifc_class, element.name, element.storey, what, *shares, volume,
+            disappeared_volume=shares[1] * volume, built_volume=(shares[0] + shares[2]) * volume,
+            shift=_shift(mine, then), expected=expected, agrees=agrees, progress=progress, reason=decision.reason,
+            moved=mine.seen == "MOVED",
+        ))
+    return tuple(found)
+
+
+def _shift(now: Any, before: Any) -> float | None:
+    if now.shift is None:
+        return None
+    if before is None or before.shift is None:
+        return float(now.distance)
+    return float(np.linalg.norm(np.array(now.shift) - np.array(before.shift)))
+
+
+def _plans(model: BuildingModel) -> tuple[Planned, ...]:
+    if not model.path or not Path(model.path).exists():
+        return tuple(Planned() for _ in model.elements)
+    return read_planned(open_ifc(model.path), [(e.step_id, e.global_id) for e in model.elements])
+
+
+def _record(model: BuildingModel, view: _View) -> EpochRecord:
+    return EpochRecord(
+        view.name, view.source.paths, view.date, len(view.source.stations),
+        sum(view.store.count(s) for s in range(len(view.store.stations))), view.occupied.count, view.occupied.sparse,
+        view.sight.registration_sigma, (),
+    )
+
+
+def _warnings(
+    model: BuildingModel, edge: float, options: ChangeOptions, views: list[_View], plans: tuple[Planned, ...],
+    day: date | None,
+) -> Iterator[str]:
+    if edge > options.voxel:
+        yield (
+            f"Voxels of {1000 * edge:g} mm are used instead of {1000 * options.voxel:g} mm, so that the model fits into "
+            f"{options.memory_gb:g} GB."
+        )
+    level = supported_level(edge)
+    if options.loa is not None and (level is None or options.loa > level):
+        yield (
+            f"LOA{options.loa} was asked for, but voxels of {1000 * edge:g} mm move a point by up to "
+            f"{1000 * worst_voxel_shift(edge):.1f} mm, which supports {label(level)} at most "
+            f"({label(supported_level(edge, relative=True))} for distances between voxels)."
+        )
+    for view in views:
+        share = view.occupied.sparse / max(view.occupied.count, 1)
+        if share > 0.01:
+            yield (
+                f"The {view.name} is sparse: {share:.0%} of its occupied voxels have fewer than {options.min_points} returns, "
+                "and count because a surface there sends no more back."
+            )
+    if day is None and any(p.start or p.finish for p in plans):
+        yield "The scans give no date, so dates of tasks were not used; give one with --date."
+    yield from model.skipped

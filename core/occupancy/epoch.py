@@ -1,0 +1,125 @@
+"""Occupancy of one epoch: which voxels are occupied, empty or unknown to its scans."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from ..evidence.collect import StationIndexes
+from ..evidence.gather import SensorModel
+from ..evidence.station_index import build_index
+from ..progress import Progress
+from .bricks import BrickTable
+from .clear_range import clear_range
+from .free_space import BETWEEN, PASSED, SURFACE, label_voxels
+from .grid import BITS, CELLS, VoxelGrid
+from .votes import Occupied, Votes
+
+UNSEEN, EMPTY, NEAR, OCCUPIED = 0, 1, 2, 3
+"""Nobody knows; rays pass; a neighbour is occupied, and the grid cannot tell which of the two; occupied."""
+
+
+def occupied_voxels(
+    stations: StationIndexes, grid: VoxelGrid, least: int, sensor: SensorModel, progress: Progress
+) -> Occupied:
+    """The voxels that at least ``least`` returns of an epoch lie in (fewer where the scan is sparse, see ``Votes``)."""
+    votes = Votes(grid, least)
+    for station, index, sector in stations.visit(sensor, progress):
+        own = None
+        if sector is not None:
+            azimuth = np.arctan2(index.returns[:, 1], index.returns[:, 0]) % (2 * np.pi)
+            own = (azimuth >= sector[0]) & (azimuth < sector[1])
+        votes.add(index.returns, stations.position[station], index.spacing_rad, own)
+    return votes.occupied()
+
+
+def observe(
+    stations: StationIndexes, grid: VoxelGrid, occupied: Occupied, table: BrickTable, wanted: NDArray[np.bool_],
+    sensor: SensorModel, progress: Progress,
+) -> Observation:
+    """What an epoch says of the ``wanted`` (B, 512) voxels of the table's bricks."""
+    state = settled(occupied, table, wanted)
+    asked = wanted & (state == UNSEEN)
+    labels = np.zeros((len(table), CELLS), np.uint8)
+    for station, index, sector in stations.visit(sensor, progress):
+        # bins that follow from the spacing alone, so that tiles of a station have those of the whole
+        index = build_index(index.returns, index.spacing_rad)
+        clear = clear_range(index, grid.edge)
+        label_voxels(
+            table.keys, asked, stations.position[station], grid.anchor, grid.edge, index, clear, labels, sector
+        )
+    conclude(state, labels)
+    return Observation(table, state)
+
+
+def settled(occupied: Occupied, table: BrickTable, wanted: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """(B, 512) OCCUPIED and NEAR for ``wanted`` voxels, else UNSEEN: no ray empties these, so none needs to be asked.
+
+    A ray that grazes an occupied voxel, and noise at the border of two, would else empty what stands.
+    """
+    state = np.zeros((len(table), CELLS), np.uint8)
+    around = occupied.table.rows(neighbour_keys(table.keys).ravel()).reshape(-1, 27)
+    _settle(wanted, around, occupied.cells, state)
+    return state
+
+
+def conclude(state: NDArray[np.uint8], labels: NDArray[np.uint8]) -> None:
+    """Enter what rays said of voxels that are neither occupied nor near one."""
+    surface = (labels & SURFACE) > 0
+    passed = (labels & PASSED) > 0
+    rest = state == UNSEEN
+    state[rest & surface & ~passed] = NEAR
+    state[rest & ~surface & ((labels & (PASSED | BETWEEN)) > 0)] = EMPTY
+
+
+@dataclass(frozen=True)
+class Observation:
+    """UNSEEN, EMPTY, NEAR or OCCUPIED for voxels of ``table``'s bricks, (B, 512)."""
+
+    table: BrickTable
+    state: NDArray[np.uint8]
+
+
+def neighbour_keys(keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(N, 27) keys of the bricks around each brick; itself in the middle."""
+    step = np.array([
+        (i << (2 * BITS)) + (j << BITS) + k for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)
+    ], dtype=np.int64)
+    return keys[:, None] + step
+
+
+@njit(cache=True, nogil=True, inline="always")
+def cell_set(cells: NDArray[np.bool_], around: NDArray[np.int32], row: int, i: int, j: int, k: int) -> bool:
+    """Whether the voxel (i, j, k), counted from a brick's first one, -8 ... 15, is set."""
+    n = ((i >> 3) + 1) * 9 + ((j >> 3) + 1) * 3 + (k >> 3) + 1
+    there = around[row, n]
+    return there >= 0 and cells[there, ((i & 7) << 6) | ((j & 7) << 3) | (k & 7)]
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _settle(
+    wanted: NDArray[np.bool_], around: NDArray[np.int32], occupied: NDArray[np.bool_], state: NDArray[np.uint8]
+) -> None:
+    for row in prange(len(wanted)):
+        nobody = True
+        for n in range(27):
+            nobody &= around[row, n] < 0
+        if nobody:
+            continue
+        for cell in range(CELLS):
+            if not wanted[row, cell]:
+                continue
+            if around[row, 13] >= 0 and occupied[around[row, 13], cell]:
+                state[row, cell] = OCCUPIED
+                continue
+            i, j, k = cell >> 6, (cell >> 3) & 7, cell & 7
+            near = False
+            for a in range(-1, 2):
+                for b in range(-1, 2):
+                    for c in range(-1, 2):
+                        near = near or cell_set(occupied, around, row, i + a, j + b, k + c)
+            if near:
+                state[row, cell] = NEAR

@@ -1,0 +1,168 @@
+"""A comparison as files: voxels as PLY, elements as CSV, everything but the voxels as JSON, remaining shapes as meshes."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..change.results import DISAPPEARED, ChangeResult
+from ..change.voxels import VoxelCloud
+from ..files import whole_file
+from ..scans.write_ply import write_ply
+from .csv_out import guard
+from .json_out import to_plain
+from .palette import VOXEL_COLORS, to_bytes
+
+SIDES = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]])
+COLUMNS = (
+    "GlobalId", "Class", "Name", "Storey", "State", "ExpectedState", "Agrees", "Progress", "ConfirmedRatio",
+    "DisappearedRatio", "NewRatio", "UnknownRatio", "Volume_m3", "DisappearedVolume_m3", "BuiltVolume_m3", "Shift_mm",
+    "Task", "Reason",
+)  # fmt: skip
+
+
+def change_to_json(result: ChangeResult) -> dict[str, Any]:
+    """Plain lists, dicts, numbers, texts and None. Metres and cubic metres, model frame; docs/change.md describes it."""
+    document = {
+        "format": "bim_verify.change",
+        "format_version": 1,
+        "method": result.method,
+        "summary": result.summary(),
+        "model": {"path": result.model.path, "sha256": result.model.content_hash},
+        "voxel_size": result.edge,
+        "voxel_anchor": result.anchor,
+        "options": result.options,
+        "elements": [e.global_id for e in result.elements],
+        "changes": result.elements,
+        "planned": [
+            {"act": p.act, "start": str(p.start or ""), "finish": str(p.finish or ""), "task": p.task, "source": p.source}
+            for p in result.planned
+        ],
+        "epochs": result.epochs,
+        "reference": result.reference,
+        "clusters": result.clusters,
+        "progress": result.groups,
+        "timings": result.timings,
+        "warnings": result.warnings,
+    }
+    plain: dict[str, Any] = to_plain(document)
+    return plain
+
+
+def changes_csv(result: ChangeResult) -> bytes:
+    """One line per element, UTF-8 with a byte order mark."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(COLUMNS)
+    for e, plan in zip(result.elements, result.planned, strict=True):
+        writer.writerow([
+            *(guard(v) for v in (e.global_id, e.ifc_class, e.name, e.storey)), e.state, e.expected,
+            "" if e.agrees is None else str(e.agrees).upper(), e.progress,
+            *(f"{v:.4f}" for v in (e.confirmed_ratio, e.disappeared_ratio, e.new_ratio, e.unknown_ratio)),
+            *(f"{v:.5f}" for v in (e.volume, e.disappeared_volume, e.built_volume)),
+            "" if e.shift is None else f"{1000 * e.shift:.1f}", guard(plan.task), guard(e.reason),
+        ])  # fmt: skip
+    return b"\xef\xbb\xbf" + text.getvalue().encode("utf-8", "replace")
+
+
+def write_voxels(path: str | Path, result: ChangeResult) -> None:
+    """Write the voxels' middles (model frame, metres), normals of their surface, state and element.
+
+    State 0 unknown, 1 confirmed, 2 new, 3 disappeared; ``element`` is the row of ``elements`` in the JSON file, -1 for
+    none. The normal points from a voxel's neighbours of the same state towards free space; zero where it has none on any side.
+    """
+    cloud = result.voxels
+    position = np.array(result.anchor) + result.edge * (cloud.index + 0.5)
+    normal = voxel_normals(cloud)
+    color = to_bytes(VOXEL_COLORS[cloud.state])
+    fields: dict[str, NDArray[Any]] = {name: position[:, axis] for axis, name in enumerate(("x", "y", "z"))}
+    fields |= {name: normal[:, axis] for axis, name in enumerate(("nx", "ny", "nz"))}
+    fields |= {name: color[:, axis] for axis, name in enumerate(("red", "green", "blue"))}
+    fields |= {"state": cloud.state, "element": cloud.element}
+    write_ply(path, fields, [
+        "metres, model frame", f"voxels of {1000 * result.edge:g} mm",
+        "state: 0 unknown, 1 confirmed, 2 new, 3 disappeared", "element: row of the elements in the JSON file",
+    ])
+
+
+def voxel_normals(cloud: VoxelCloud) -> NDArray[np.float64]:
+    """(N, 3) unit vectors away from the neighbours (26) that are in the cloud; zero where these balance."""
+    from ..change.clusters import Neighbours
+
+    inward = Neighbours(cloud.index).pull()
+    length = np.linalg.norm(inward, axis=1, keepdims=True)
+    return np.where(length > 1e-9, -inward / np.maximum(length, 1e-9), 0.0)
+
+
+def remaining_mesh(result: ChangeResult, row: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """What is left of a partly demolished element: vertices (V, 3) [m, model frame] and quads (Q, 4), outward.
+
+    The planned solid in voxels, without those that disappeared; so its faces are those of the voxels.
+    """
+    from ..change.solids import solid_voxels_of
+
+    solid = solid_voxels_of(result.model, result.edge, row)
+    cloud = result.voxels
+    gone = cloud.index[(cloud.element == row) & (cloud.state == DISAPPEARED)]
+    left = _without(solid, gone)
+    return voxel_skin(left, np.array(result.anchor), result.edge)
+
+
+def write_remaining(folder: str | Path, result: ChangeResult) -> list[Path]:
+    """Write the remaining shape of every partly demolished element as ``GlobalId.obj`` into ``folder``."""
+    from ..files import check_writable
+
+    target = Path(folder)
+    target.mkdir(parents=True, exist_ok=True)
+    written = []
+    for row in result.remaining:
+        vertices, quads = remaining_mesh(result, row)
+        if not len(quads):
+            continue
+        safe = "".join(c for c in result.elements[row].global_id if c.isalnum() or c in "_$")
+        path = target / f"{safe or row}.obj"
+        check_writable(path)
+        with whole_file(path) as temporary, temporary.open("w", encoding="ascii") as stream:
+            stream.write("# what is left of the element, metres, model frame\n")
+            np.savetxt(stream, vertices, fmt="v %.4f %.4f %.4f")
+            np.savetxt(stream, quads + 1, fmt="f %d %d %d %d")
+        written.append(path)
+    return written
+
+
+def _without(index: NDArray[np.int64], gone: NDArray[np.int64]) -> NDArray[np.int64]:
+    if not len(gone):
+        return index
+    low = np.minimum(index.min(axis=0), gone.min(axis=0))
+    size = np.maximum(index.max(axis=0), gone.max(axis=0)) - low + 1
+    code = np.ravel_multi_index((index - low).T, size)
+    return index[~np.isin(code, np.ravel_multi_index((gone - low).T, size))]
+
+
+def voxel_skin(
+    index: NDArray[np.int64], anchor: NDArray[np.float64], edge: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Outer faces of voxels (N, 3): vertices (V, 3) [m, frame of ``anchor``] and quads (Q, 4), outward."""
+    if not len(index):
+        return np.zeros((0, 3)), np.zeros((0, 4), np.int64)
+    low = index.min(axis=0) - 1
+    size = index.max(axis=0) - low + 2
+    code = np.sort(np.ravel_multi_index((index - low).T, size))
+    corners = []
+    for side in SIDES:
+        beside = np.ravel_multi_index((index - low + side).T, size)
+        at = np.minimum(np.searchsorted(code, beside), len(code) - 1)
+        open_side = index[code[at] != beside]
+        axis = int(np.flatnonzero(side)[0])
+        u, v = np.eye(3, dtype=np.int64)[[(axis + 1) % 3, (axis + 2) % 3]]
+        base = open_side + np.maximum(side, 0)
+        ring = [base, base + u, base + u + v, base + v]
+        corners.append(np.stack(ring if side.sum() > 0 else ring[::-1], axis=1))
+    quads = np.concatenate(corners)
+    used, inverse = np.unique(quads.reshape(-1, 3), axis=0, return_inverse=True)
+    return anchor + edge * used, inverse.reshape(-1, 4)

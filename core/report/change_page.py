@@ -1,0 +1,109 @@
+"""The report of a comparison: one HTML page in the frame of the verification report, and the table as CSV."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from ..change.results import PROGRESS, STATES, ChangeResult, State
+from ..errors import BimVerifyError
+from ..files import whole_file
+from ..progress import Progress
+from ..sensing.loa import label, supported_level, worst_voxel_shift
+from . import palette
+from .change_files import changes_csv
+from .html import FOLDER, _csp_hash, format_number, format_percent
+
+SIGNS: dict[State, str] = {"CONFIRMED": "✓", "NEW": "+", "DISAPPEARED": "✕", "PARTIAL": "◐", "UNKNOWN": "?"}
+ORDER: tuple[State, ...] = ("DISAPPEARED", "NEW", "PARTIAL", "UNKNOWN", "CONFIRMED")
+MOST_CLUSTERS = 40
+
+
+def write_change_report(folder: str | Path, result: ChangeResult, *, progress: Progress | None = None) -> Path:
+    """Write ``index.html`` and ``elements.csv`` into ``folder`` (made if missing) and return the path of the page.
+
+    The page loads nothing and runs no script. Raises BimVerifyError when the folder cannot be written.
+    """
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BimVerifyError(
+            f"Cannot make the report folder {target}: {error.strerror or error}. Choose another place."
+        ) from error
+    page = render_change_page(result)
+    with whole_file(target / "index.html") as temporary:
+        temporary.write_text(page, encoding="utf-8", errors="replace")
+    with whole_file(target / "elements.csv") as temporary:
+        temporary.write_bytes(changes_csv(result))
+    (progress or Progress()).update(1.0, "Report written")
+    return target / "index.html"
+
+
+def render_change_page(result: ChangeResult) -> str:
+    """The whole page as text."""
+    style = _colors() + (FOLDER / "page.css").read_text(encoding="utf-8") + (FOLDER / "change.css").read_text(encoding="utf-8")
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        loader=jinja2.FileSystemLoader(FOLDER),
+    )
+    environment.filters |= {"pct": format_percent, "number": format_number}
+    voxels = [int((result.voxels.state == code).sum()) for code in (1, 2, 3, 0)]
+    series = [*([result.reference] if result.reference else []), *result.epochs]
+    rows = sorted(
+        zip(result.elements, result.planned, strict=True), key=lambda p: (ORDER.index(p[0].state), -p[0].volume)
+    )
+    return environment.get_template("change.html").render(
+        style=style,
+        style_hash=_csp_hash(style),
+        r=result,
+        rows=rows,
+        states=[
+            {"key": s, "sign": SIGNS[s], "meaning": palette.CHANGE_MEANINGS[s], "count": result.count(s)} for s in STATES
+        ],
+        signs=SIGNS,
+        headline=headline(result),
+        files={
+            "model": Path(result.model.path).name,
+            "epoch": ", ".join(dict.fromkeys(Path(p).name for p in result.epoch.paths)),
+            "reference": ", ".join(dict.fromkeys(Path(p).name for p in result.reference.paths))
+            if result.reference else "the model itself",
+        },
+        voxels=voxels,
+        voxel_total=sum(voxels) or 1,
+        series=series,
+        series_counts=[[sum(v == s for v in epoch.states) for s in STATES] for epoch in series],
+        clusters=result.clusters[:MOST_CLUSTERS],
+        progress=[(p, sum(e.progress == p for e in result.elements)) for p in PROGRESS],
+        has_plan=any(p.act or p.source for p in result.planned),
+        groups=result.groups,
+        level=label(supported_level(result.edge)),
+        relative_level=label(supported_level(result.edge, relative=True)),
+        worst_mm=1000 * worst_voxel_shift(result.edge),
+        csv=base64.b64encode(changes_csv(result)).decode("ascii"),
+    )
+
+
+def headline(result: ChangeResult) -> str:
+    """The result in one or two sentences."""
+    count = {s: result.count(s) for s in STATES}
+    seen = len(result.elements) - count["UNKNOWN"]
+    found: list[str] = []
+    for state, word in (("DISAPPEARED", "gone"), ("NEW", "new"), ("PARTIAL", "changed in part")):
+        if count[state]:  # type: ignore[index]
+            found.append(f"{count[state]} {word}")  # type: ignore[index]
+    changed = ", ".join(found) if found else "no element changed"
+    return (
+        f"Of {seen} elements that were seen, {count['CONFIRMED']} stand as before; {changed}. "
+        f"{count['UNKNOWN']} were not seen."
+    )
+
+
+def _colors() -> str:
+    same: dict[str, Any] = {f"--{s.lower()}": code for s, code in palette.STATUS_HEX.items()}
+    same |= {f"--b-{name}": code for name, code in palette.BELIEF_HEX.items()}
+    same |= {f"--c-{s.lower()}": code for s, code in palette.CHANGE_HEX.items()}
+    return ":root{" + ";".join(f"{name}:{code}" for name, code in same.items()) + "}\n"

@@ -1,0 +1,252 @@
+"""What changed, on a small house of boxes scanned as it was built."""
+
+from __future__ import annotations
+
+import dataclasses
+from datetime import date
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bim_verify.core.change.decide import overlap
+from bim_verify.core.change.planned import Planned, parse_date
+from bim_verify.core.change.progress import expected_state, judge
+from bim_verify.core.change.results import ChangeResult, ElementChange
+from bim_verify.core.change.solids import mesh_volumes, voxelise
+from bim_verify.core.errors import BimVerifyError
+from bim_verify.core.jobs import change
+from bim_verify.core.occupancy.grid import VoxelGrid
+from bim_verify.core.options import ChangeOptions
+from bim_verify.core.report.change_files import change_to_json, changes_csv, remaining_mesh, write_voxels
+from bim_verify.core.report.change_page import render_change_page
+from bim_verify.core.sensing.loa import supported_level
+from bim_verify.core.simulation.scene import Prop
+
+from .verify_data import PLAN, REMOVED, built, house, scan, shifted
+
+OPTIONS = ChangeOptions(voxel=0.04, sigma=0.0013, sample_spacing=0.1, memory_gb=1.0)
+HALF = {"partition": (((6.0, 0.0, 0.0), (6.2, 2.0, 3.0)),)}
+CRATE = Prop("crate", "box", (9.0, 0.8, 0.3), (0.5, 0.4, 0.6))
+
+
+def by_name(result: ChangeResult) -> dict[str, ElementChange]:
+    return {e.name: e for e in result.elements}
+
+
+@cache
+def before() -> Any:
+    return scan(built({"post": REMOVED, "cupboard": REMOVED}), seed=3)
+
+
+@cache
+def after() -> Any:
+    return scan(
+        built({"column": REMOVED, "plate": shifted(z=0.2), "east": shifted(x=0.08)}, (CRATE,), HALF), seed=4
+    )
+
+
+@cache
+def against_model() -> ChangeResult:
+    return change(house(), [after()], None, OPTIONS)
+
+
+@cache
+def against_reference() -> ChangeResult:
+    return change(house(), [after()], before(), OPTIONS)
+
+
+def test_states_against_the_model() -> None:
+    found = by_name(against_model())
+    states = {name: e.state for name, e in found.items()}
+    assert states["column"] == "DISAPPEARED"
+    assert states["plate"] == "DISAPPEARED" and found["plate"].moved
+    assert states["east"] == "PARTIAL" and found["east"].moved
+    assert states["partition"] == "PARTIAL" and not found["partition"].moved
+    assert states["buried"] == "UNKNOWN"
+    for name in ("floor", "slab", "south", "north", "west", "cupboard", "post", "ceiling"):
+        assert states[name] == "CONFIRMED", (name, found[name].reason)
+
+
+def test_states_against_a_reference_epoch() -> None:
+    states = {name: e.state for name, e in by_name(against_reference()).items()}
+    assert states["post"] == "NEW" and states["cupboard"] == "NEW"
+    assert states["column"] == "DISAPPEARED"
+    assert states["partition"] == "PARTIAL"
+    assert states["south"] == "CONFIRMED" and states["buried"] == "UNKNOWN"
+
+
+def test_ratios_add_up_and_follow_the_state() -> None:
+    for result in (against_model(), against_reference()):
+        for e in result.elements:
+            total = e.confirmed_ratio + e.disappeared_ratio + e.new_ratio + e.unknown_ratio
+            assert total == pytest.approx(1.0, abs=1e-9)
+            assert e.disappeared_volume == pytest.approx(e.disappeared_ratio * e.volume)
+    assert by_name(against_reference())["post"].new_ratio > 0.8
+    assert by_name(against_model())["buried"].unknown_ratio == 1.0
+
+
+def test_volume_of_a_demolished_part() -> None:
+    partition = by_name(against_model())["partition"]
+    assert partition.volume == pytest.approx(0.2 * 4.0 * 3.0)
+    assert partition.disappeared_volume == pytest.approx(1.2, rel=0.05)
+    column = by_name(against_model())["column"]
+    assert column.disappeared_volume == pytest.approx(column.volume, rel=0.05)
+
+
+def test_remaining_shape_is_a_closed_mesh_of_the_remaining_volume() -> None:
+    result = against_model()
+    row = list(PLAN).index("partition")
+    assert result.remaining == (row,)
+    vertices, quads = remaining_mesh(result, row)
+    corner = vertices[quads]
+    cross = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1]) / 2
+    volume = np.einsum("ij,ij->i", corner.mean(axis=1), cross).sum() / 3
+    assert np.abs(cross.sum(axis=0)).max() < 1e-6
+    assert volume == pytest.approx(1.2, rel=0.08)
+
+
+def test_a_new_object_is_listed_with_place_and_size() -> None:
+    new = [c for c in against_model().clusters if c.kind == "NEW" and not c.inside]
+    crate = min(new, key=lambda c: float(np.linalg.norm(np.array(c.center) - CRATE.center)))
+    assert np.allclose(crate.center, CRATE.center, atol=0.06)
+    assert np.allclose(crate.size, CRATE.size, atol=0.13)
+
+
+def test_an_object_that_was_there_before_stays() -> None:
+    result = change(house(), [after(), after()], None, OPTIONS)
+    new = [c for c in result.clusters if c.kind == "NEW"]
+    assert new and all(c.persistence == "stays" for c in new)
+    gone = change(house(), [scan(built({})), after()], None, OPTIONS)
+    crate = min(
+        (c for c in gone.clusters if c.kind == "NEW"),
+        key=lambda c: float(np.linalg.norm(np.array(c.center) - CRATE.center)),
+    )
+    assert crate.persistence == "temporary"
+    assert [e.name for e in gone.epochs] == ["epoch 1", "epoch 2"]
+    assert gone.epochs[0].states[list(PLAN).index("column")] == "CONFIRMED"
+    assert gone.epochs[1].states[list(PLAN).index("column")] == "DISAPPEARED"
+
+
+def test_the_same_epoch_twice_shows_no_change() -> None:
+    result = change(house(), [before()], before(), OPTIONS)
+    assert {e.state for e in result.elements} <= {"CONFIRMED", "UNKNOWN"}
+    assert not ((result.voxels.state == 2) | (result.voxels.state == 3)).any()
+
+
+def test_nothing_depends_on_threads_or_the_place_of_the_model() -> None:
+    far = (500_000.0, 4_000_000.0, 100.0)
+    source = scan(built({"column": REMOVED, "plate": shifted(z=0.2), "east": shifted(x=0.08)}, (CRATE,), HALF), seed=4,
+                  origin=np.array(far))
+    moved = change(house(far), [source], None, dataclasses.replace(OPTIONS, threads=1))
+    here = against_model()
+    assert [e.state for e in moved.elements] == [e.state for e in here.elements]
+    assert moved.voxels.state.shape == pytest.approx(here.voxels.state.shape, rel=1e-3)
+
+
+def test_solids_are_filled_and_thin_ones_kept() -> None:
+    model = house()
+    found = voxelise(model, VoxelGrid.for_model(model.origin, 0.05))
+    volume = mesh_volumes(model)
+    for row, name in enumerate(PLAN):
+        if name in ("ceiling", "plate"):
+            assert found.count[row] > 0
+        else:
+            assert found.count[row] * 0.05**3 == pytest.approx(volume[row], rel=0.13), name
+
+
+def test_overlap_along_a_shift() -> None:
+    model = house()
+    row = list(PLAN).index("partition")
+    assert overlap(model, row, np.array([0.05, 0.0, 0.0])) == pytest.approx(0.75)
+    assert overlap(model, row, np.array([0.3, 0.0, 0.0])) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("plan", "day", "seen", "state", "progress"),
+    [
+        (Planned(), None, "STANDS", "CONFIRMED", "on time"),
+        (Planned(), None, "GONE", "CONFIRMED", "not built"),
+        (Planned(), None, "UNSEEN", "CONFIRMED", "cannot tell"),
+        (Planned("build", date(2024, 5, 1), date(2024, 5, 10)), date(2024, 5, 20), "GONE", "NEW", "late"),
+        (Planned("build", date(2024, 5, 1), date(2024, 5, 10)), date(2024, 5, 20), "STANDS", "NEW", "on time"),
+        (Planned("build", date(2024, 6, 1), date(2024, 6, 9)), date(2024, 5, 20), "STANDS", "DISAPPEARED", "early"),
+        (Planned("build", date(2024, 6, 1), date(2024, 6, 9)), date(2024, 5, 20), "GONE", "DISAPPEARED", "on time"),
+        (Planned("demolish", date(2024, 5, 1), date(2024, 5, 2)), date(2024, 5, 20), "STANDS", "DISAPPEARED", "should be gone"),
+        (Planned("demolish", date(2024, 6, 1), date(2024, 6, 2)), date(2024, 5, 20), "GONE", "CONFIRMED", "early"),
+        (Planned("build", date(2024, 5, 1), date(2024, 6, 2)), date(2024, 5, 20), "PART", "PARTIAL", "on time"),
+    ],
+)  # fmt: skip
+def test_observed_against_planned(plan: Planned, day: date | None, seen: Any, state: str, progress: str) -> None:
+    expected = expected_state(plan, day)
+    assert expected == state
+    assert judge(plan, expected, seen)[0] == progress
+
+
+def test_dates_are_read_from_tasks(tmp_path: Path) -> None:
+    import ifcopenshell
+    import ifcopenshell.guid
+
+    from bim_verify.core.change.planned import read_planned
+
+    file = ifcopenshell.file(schema="IFC4")
+    walls = [file.create_entity("IfcWall", ifcopenshell.guid.new(), Name=n) for n in "abc"]
+    time = file.create_entity("IfcTaskTime", ScheduleStart="2024-03-01T08:00:00", ScheduleFinish="2024-03-05T17:00:00")
+    parent = file.create_entity("IfcTask", ifcopenshell.guid.new(), Name="Walls", IsMilestone=False, TaskTime=time)
+    child = file.create_entity(
+        "IfcTask", ifcopenshell.guid.new(), Name="Wall a", IsMilestone=False, PredefinedType="DEMOLITION"
+    )
+    file.create_entity("IfcRelNests", ifcopenshell.guid.new(), RelatingObject=parent, RelatedObjects=[child])
+    file.create_entity(
+        "IfcRelAssignsToProcess", ifcopenshell.guid.new(), RelatedObjects=[walls[0]], RelatingProcess=child
+    )
+    word = file.create_entity("IfcLabel", "DEMOLISH")
+    value = file.create_entity("IfcPropertyEnumeratedValue", "Status", EnumerationValues=[word])
+    common = file.create_entity("IfcPropertySet", ifcopenshell.guid.new(), Name="Pset_WallCommon", HasProperties=[value])
+    file.create_entity(
+        "IfcRelDefinesByProperties", ifcopenshell.guid.new(), RelatedObjects=[walls[1]], RelatingPropertyDefinition=common
+    )
+    a, b, c = read_planned(file, [(w.id(), w.GlobalId) for w in walls])
+    assert (a.act, a.start, a.finish, a.task) == ("demolish", date(2024, 3, 1), date(2024, 3, 5), "Wall a")
+    assert (b.act, b.source) == ("demolish", "status")
+    assert c == Planned()
+    assert parse_date("not a date") is None
+
+
+def test_voxel_size_against_accuracy() -> None:
+    assert supported_level(0.01) == 30 and supported_level(0.01, relative=True) == 20
+    assert supported_level(0.005) == 40 and supported_level(0.5) is None
+    result = change(house(), [after()], None, dataclasses.replace(OPTIONS, loa=40))
+    assert any("LOA40" in w and "LOA20" in w for w in result.warnings)
+
+
+def test_outputs_hold_what_was_found(tmp_path: Path) -> None:
+    from plyfile import PlyData
+
+    result = against_model()
+    write_voxels(tmp_path / "v.ply", result)
+    vertex = PlyData.read(tmp_path / "v.ply")["vertex"]
+    assert [p.name for p in vertex.properties][:3] == ["x", "y", "z"]
+    assert set(np.unique(vertex["state"])) <= {0, 1, 2, 3} and len(vertex["x"]) == len(result.voxels.state)
+    gone = vertex["state"] == 3
+    assert (vertex["red"][gone] > vertex["green"][gone]).all()
+    data = change_to_json(result)
+    assert data["elements"] == [e.global_id for e in result.elements]
+    lines = changes_csv(result).decode("utf-8-sig").splitlines()
+    assert len(lines) == len(PLAN) + 1
+    page = render_change_page(result)
+    assert "<script" not in page and "partition" in page
+
+
+def test_names_are_escaped_in_the_report() -> None:
+    result = against_model()
+    bad = dataclasses.replace(result.elements[0], name="<img src=x onerror=alert(1)>")
+    page = render_change_page(dataclasses.replace(result, elements=(bad, *result.elements[1:])))
+    assert "<img" not in page and "&lt;img" in page
+
+
+def test_scans_elsewhere_are_refused() -> None:
+    with pytest.raises(BimVerifyError, match="comes near the model"):
+        change(house(), [scan(built({}), origin=np.array([900.0, 0.0, 0.0]))], None, OPTIONS)

@@ -1,0 +1,150 @@
+"""Voxels of one epoch: the fast way equals the exact one, and nothing depends on order, tiles or threads."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import pytest
+
+from bim_verify.core.change.look import sensor_model
+from bim_verify.core.evidence.collect import StationIndexes
+from bim_verify.core.evidence.station_index import build_index
+from bim_verify.core.occupancy.bricks import BrickTable
+from bim_verify.core.occupancy.clear_range import clear_range
+from bim_verify.core.occupancy.epoch import EMPTY, NEAR, OCCUPIED, neighbour_keys, observe, occupied_voxels
+from bim_verify.core.occupancy.free_space import PASSED, label_voxels
+from bim_verify.core.occupancy.grid import CELLS, VoxelGrid, keys_of, voxel_index
+from bim_verify.core.occupancy.traverse import walk_rays
+from bim_verify.core.occupancy.votes import Votes
+from bim_verify.core.progress import Progress
+from bim_verify.core.scans.campaign import Station
+from bim_verify.core.scans.store import ReturnStore
+from bim_verify.core.simulation.box_building import ArraySource
+
+SIZE = np.array([3.0, 2.4, 2.0])
+STATION = np.array([1.013, 1.107, 1.009])
+SECOND = STATION + np.array([0.8, 0.3, 0.1])
+GRID = VoxelGrid.for_model(np.zeros(3), 0.02)
+
+
+def room(count: int, station: np.ndarray = STATION, seed: int = 0) -> np.ndarray:
+    """(N, 3) returns from the walls of an empty room, 1 mm noise."""
+    random = np.random.default_rng(seed)
+    direction = random.standard_normal((count, 3))
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    with np.errstate(divide="ignore"):
+        reach = np.where(direction > 0, (SIZE - station) / direction, -station / direction).min(axis=1)
+    return direction * (reach + 0.001 * random.standard_normal(count))[:, None]
+
+
+def all_bricks(low: float = -0.2) -> BrickTable:
+    axis = [np.arange(int(low / 0.02) // 8 * 8, int((s - low) / 0.02) + 8, 8) for s in SIZE]
+    corner = np.stack(np.meshgrid(*axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    return BrickTable(np.unique(keys_of(corner)[0]))
+
+
+def test_keys_and_cells_give_back_the_voxel() -> None:
+    index = np.random.default_rng(1).integers(-5000, 5000, (1000, 3))
+    assert (voxel_index(*keys_of(index)) == index).all()
+
+
+def test_grid_is_fixed_to_the_model_frame() -> None:
+    near, far = VoxelGrid.for_model(np.array([0.0, 0.0, 0.0]), 0.03), VoxelGrid.for_model(np.array([7.0, -3.0, 1.0]), 0.03)
+    place = np.array([[7.511, -2.404, 1.302]])
+    center = near.centers(near.index(place))
+    origin = np.array([7.0, -3.0, 1.0])
+    there = far.centers(far.index(place - origin)) + origin
+    assert np.allclose(center, there, atol=1e-9)
+
+
+def test_fast_labels_equal_exact_traversal() -> None:
+    index = build_index(room(60_000))
+    clear = clear_range(index, GRID.edge)
+    table = all_bricks()
+    walked = np.zeros((len(table), CELLS), np.bool_)
+    steps = walk_rays(index.returns, clear.share, STATION, GRID.anchor, GRID.edge, table, walked)
+    labels = np.zeros((len(table), CELLS), np.uint8)
+    label_voxels(table.keys, np.ones_like(walked), STATION, GRID.anchor, GRID.edge, index, clear, labels)
+    assert steps > 1_000_000
+    assert (walked == ((labels & PASSED) > 0)).mean() > 0.9999
+    assert walked.mean() > 0.3
+
+
+def test_guard_keeps_surfaces_from_being_emptied() -> None:
+    index = build_index(room(200_000))
+    clear = clear_range(index, GRID.edge)
+    reach = np.linalg.norm(index.returns, axis=1)
+    point = index.returns + STATION
+    depth = np.minimum(point, SIZE - point).min(axis=1)
+    end = index.returns * clear.share[:, None] + STATION
+    free_depth = np.minimum(end, SIZE - end).min(axis=1)
+    assert np.quantile(free_depth - depth, 0.01) > 1.2 * GRID.edge
+    assert np.median(reach - reach * clear.share) < 4 * GRID.edge
+
+
+def test_votes_do_not_depend_on_order_or_blocks() -> None:
+    returns = room(30_000)
+    whole, parts = Votes(GRID, 3), Votes(GRID, 3)
+    whole.add(returns, STATION, 0.01)
+    for block in np.array_split(np.random.default_rng(3).permutation(returns), 7):
+        parts.add(np.ascontiguousarray(block), STATION, 0.01)
+    a, b = whole.occupied(), parts.occupied()
+    assert (a.table.keys == b.table.keys).all() and (a.cells == b.cells).all() and a.sparse == b.sparse
+
+
+def test_a_dense_scan_needs_three_returns_and_a_sparse_one_says_that_it_does_not() -> None:
+    spot = np.array([[1.0, 0.003, 0.003]])
+    dense, sparse = Votes(GRID, 3), Votes(GRID, 3)
+    dense.add(np.repeat(spot, 2, axis=0), np.zeros(3), 0.001)
+    sparse.add(spot, np.zeros(3), 0.03)
+    assert dense.occupied().count == 0
+    assert sparse.occupied().count == 1 and sparse.occupied().sparse == 1
+
+
+def observed(memory_gb: float, order: np.ndarray | None = None) -> np.ndarray:
+    returns = [room(40_000), room(40_000, SECOND, 5)]
+    if order is not None:
+        returns = [r[order] for r in returns]
+    stations = (Station("a", STATION), Station("b", SECOND))
+    table = all_bricks()
+    with ReturnStore(ArraySource(stations, returns), memory_gb) as store:
+        indexes = StationIndexes(store, np.zeros(3))
+        sensor = sensor_model(0.001)
+        found = occupied_voxels(indexes, GRID, 3, sensor, Progress())
+        wanted = np.ones((len(table), CELLS), np.bool_)
+        return observe(indexes, GRID, found, table, wanted, sensor, Progress()).state
+
+
+def test_result_does_not_depend_on_order_or_threads() -> None:
+    first = observed(1.0)
+    assert {OCCUPIED, NEAR, EMPTY} <= set(np.unique(first))
+    assert (first == observed(1.0, np.random.default_rng(2).permutation(40_000))).all()
+    before = numba.get_num_threads()
+    try:
+        numba.set_num_threads(1)
+        assert (first == observed(1.0)).all()
+    finally:
+        numba.set_num_threads(before)
+
+
+def test_result_does_not_depend_on_tiles() -> None:
+    whole, tiled = observed(1.0), observed(0.003)
+    assert (whole == tiled).mean() > 0.9999
+
+
+def test_an_occupied_voxel_is_not_emptied_by_rays_that_graze_it() -> None:
+    state = observed(1.0)
+    table = all_bricks()
+    votes = Votes(GRID, 3)
+    votes.add(room(40_000), STATION, build_index(room(40_000)).spacing_rad)
+    found = votes.occupied()
+    rows = table.rows(found.table.keys)
+    assert (state[rows][found.cells] == OCCUPIED).all()
+
+
+@pytest.mark.parametrize("reach", [1])
+def test_neighbours_of_a_brick(reach: int) -> None:
+    keys, _ = keys_of(np.array([[0, 0, 0]]))
+    around = neighbour_keys(keys)[0]
+    middle = voxel_index(around, np.zeros(27, np.int64)) // 8
+    assert np.abs(middle).max() == reach and len(np.unique(middle, axis=0)) == 27 and (middle[13] == 0).all()
