@@ -14,6 +14,7 @@ from ..model.samples import SurfaceSamples
 from ..results import LEVELS, ElementVerdict, SampleEvidence, Status
 from ..sensing.loa import UPPER_BOUND_M, label, level_sigma
 from .displacement import Shift, fit_shift
+from .error_model import ErrorModel
 from .hypotheses import candidate_shifts
 from .sightings import AT, BEYOND, FRONT, SEARCH_M, Sightings
 from .thresholds import Thresholds
@@ -26,6 +27,7 @@ class Context:
     loa: int
     sigma: float
     registration_sigma: float
+    errors: ErrorModel
     window: float
     """Half-width along the normal within which an element stands at its place, metres."""
     see_through: bool
@@ -67,7 +69,7 @@ def assess_place(
     return Place(
         shift, float(shared[at].sum()), float(shared[beyond].sum()), float(shared_area(seen, area, front).sum()),
         int((at | beyond).sum()), len(np.unique(seen.ray_key(at | beyond))),
-        tuple(np.unique(seen.station[at | beyond]).tolist()), fit_shift(seen.rows(at), context.sigma).plus(shift),
+        tuple(np.unique(seen.station[at | beyond]).tolist()), fit_shift(seen.rows(at), context.errors).plus(shift),
     )
 
 
@@ -215,7 +217,8 @@ def _test(
     k = len(fit.determined)
     if k == 0:
         return None, None, None, None
-    covariance = fit.covariance + context.registration_sigma**2 * fit.registration
+    registration = context.registration_sigma * context.errors.registration.widening
+    covariance = fit.covariance + registration**2 * fit.registration
     length = float(np.linalg.norm(fit.vector))
     axis = fit.vector / length if length > 1e-12 else fit.determined[0]
     sigma = math.sqrt(float(axis @ covariance @ axis))

@@ -24,7 +24,7 @@ class ErrorModel:
     sigma: float
     """Of a return along its ray, metres, as stated for the sensor."""
     registration: Registration
-    unevenness: Unevenness = Unevenness()
+    unevenness: Unevenness
 
 
 def estimate_errors(

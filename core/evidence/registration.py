@@ -19,6 +19,7 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from .blocks import Blocks
 
@@ -41,6 +42,11 @@ class Registration:
     sigma: float
     """Metres."""
     freedom: float
+
+    @property
+    def widening(self) -> float:
+        """Factor on ``sigma`` so that 1.96 of it hold 95 %, as Student's distribution has it."""
+        return float(student.ppf(0.975, self.freedom)) / 1.96 if np.isfinite(self.freedom) else 1.0
 
 
 def estimate_registration(elements: Iterable[Blocks], stations: int) -> Registration:

@@ -24,6 +24,11 @@ COVER_M = 0.05
 """What lies this close around an element may be hidden by it."""
 CLEARLY_MOVED_M2 = 1e6
 """Added to the strength of what was found clearly elsewhere: more than any surface has."""
+REFINE_M = 0.002
+"""A fit that ends farther than this from where it began is begun again from there."""
+MOST_REFINEMENTS = 4
+STILL_THERE = 0.9
+"""The surface found from the better start must be no smaller than this share of what was found before."""
 MOST_PROBES = 1500
 """Query positions of an element that test a shifted place: shares to a few percent."""
 
@@ -139,12 +144,13 @@ def places(scenery: Scenery, seen: Sightings, context: Context, progress: Progre
     plans, best = _round(scenery, seen, context, None, progress.part(0.0, 0.5))
     as_built = AsBuilt.of(scenery.model, plans, best, context)
     if as_built is None:
-        return Findings(plans, best, scenery.samples, seen)
+        return Findings(plans, _refined(scenery, plans, best, None, context), scenery.samples, seen)
     scenery, uncovered = _uncover(scenery, as_built, context)
     seen = Sightings.join([seen, uncovered])
     seen = seen.rows(np.lexsort((seen.station, seen.sample)))
     seen = scenery.explain(seen, seen.on_face, scenery.samples.element[seen.sample], as_built)
-    return Findings(*_round(scenery, seen, context, as_built, progress.part(0.5, 1.0)), scenery.samples, seen)
+    plans, best = _round(scenery, seen, context, as_built, progress.part(0.5, 1.0))
+    return Findings(plans, _refined(scenery, plans, best, as_built, context), scenery.samples, seen)
 
 
 def _uncover(
@@ -190,6 +196,26 @@ def _round(
         if best[e] is plans[e]:
             best[e] = max(places_, key=lambda place: place.rays)
     return plans, best
+
+
+def _refined(
+    scenery: Scenery, plans: list[Place], best: list[Place], as_built: AsBuilt | None, context: Context
+) -> list[Place]:
+    """Look again from where the fit says that a moved element stands: round surfaces are flat only over a small step."""
+    best = list(best)
+    first = np.searchsorted(scenery.samples.element, np.arange(len(plans) + 1))
+    for _ in range(MOST_REFINEMENTS):
+        again = [
+            (e, place.fit.vector) for e, place in enumerate(best)
+            if place is not plans[e] and np.linalg.norm(place.fit.vector - place.shift) > REFINE_M
+        ]
+        if not again:
+            break
+        nearer = _probe(scenery, again, first, as_built, context, Progress())
+        for e, found in nearer.items():
+            if found[0].at >= STILL_THERE * best[e].at and len(found[0].fit.determined) >= len(best[e].fit.determined):
+                best[e] = found[0]
+    return best
 
 
 def _probe(
