@@ -14,8 +14,9 @@ from ..model.samples import SurfaceSamples
 from ..results import LEVELS, ElementVerdict, SampleEvidence, Status
 from ..sensing.loa import UPPER_BOUND_M, label, level_sigma
 from .displacement import Shift, fit_shift
+from .error_model import ErrorModel
 from .hypotheses import candidate_shifts
-from .sightings import AT, BEYOND, FRONT, Sightings
+from .sightings import AT, BEYOND, FRONT, SEARCH_M, Sightings
 from .thresholds import Thresholds
 
 
@@ -26,6 +27,7 @@ class Context:
     loa: int
     sigma: float
     registration_sigma: float
+    errors: ErrorModel
     window: float
     """Half-width along the normal within which an element stands at its place, metres."""
     see_through: bool
@@ -43,6 +45,8 @@ class Place:
     beyond: float
     hidden: float
     sightings: int
+    rays: int
+    """Different returns that tell something about it."""
     stations: tuple[int, ...]
     fit: Shift
     """Shift against the plan (not against this place)."""
@@ -64,8 +68,8 @@ def assess_place(
     front = (state == FRONT) & seen.on_face
     return Place(
         shift, float(shared[at].sum()), float(shared[beyond].sum()), float(shared_area(seen, area, front).sum()),
-        int((at | beyond).sum()), tuple(np.unique(seen.station[at | beyond]).tolist()),
-        fit_shift(seen.rows(at), context.sigma).plus(shift),
+        int((at | beyond).sum()), len(np.unique(seen.ray_key(at | beyond))),
+        tuple(np.unique(seen.station[at | beyond]).tolist()), fit_shift(seen.rows(at), context.errors).plus(shift),
     )
 
 
@@ -81,6 +85,13 @@ def shared_area(
     return np.where(telling, area / np.maximum(count[query.ravel()], 1), 0.0)
 
 
+def enough_seen(place: Place, share: float, t: Thresholds) -> bool:
+    """Whether what was seen, the ``share`` of the exposed surface, is evidence at all."""
+    if share < t.least_seen_share or place.sightings < t.least_sightings:
+        return False
+    return share >= t.partial_coverage or place.rays * share >= t.least_rays_share
+
+
 def propose(
     seen: Sightings, local: NDArray[np.int64], samples: SurfaceSamples, context: Context
 ) -> NDArray[np.float64]:
@@ -88,7 +99,7 @@ def propose(
     if len(seen) == 0:
         return np.zeros((0, 3))
     usable = seen.on_face & ~seen.explained
-    tells = seen.on_face & ~(seen.explained & (seen.deviation > 0))
+    tells = seen.on_face & ~(seen.explained & (seen.deviation > 0)) & (seen.deviation <= SEARCH_M)
     weight = shared_area(seen, samples.area[local], tells)
     return candidate_shifts(seen.deviation, samples.normal[local], weight, usable, 0.6 * context.window)
 
@@ -98,6 +109,8 @@ def choose(plan: Place, others: list[Place], exposed: float, context: Context) -
     best = plan
     for place in others:
         if place.at < context.thresholds.moved_seen_share * exposed or not len(place.fit.determined):
+            continue
+        if not enough_seen(place, (place.at + place.beyond) / max(exposed, 1e-12), context.thresholds):
             continue
         if place.share >= context.thresholds.present_share and place.at > context.thresholds.moved_gain * max(
             best.at * (best.share if best is plan else 1.0), 1e-9
@@ -204,7 +217,8 @@ def _test(
     k = len(fit.determined)
     if k == 0:
         return None, None, None, None
-    covariance = fit.covariance + context.registration_sigma**2 * fit.registration
+    registration = context.registration_sigma * context.errors.registration.widening
+    covariance = fit.covariance + registration**2 * fit.registration
     length = float(np.linalg.norm(fit.vector))
     axis = fit.vector / length if length > 1e-12 else fit.determined[0]
     sigma = math.sqrt(float(axis @ covariance @ axis))
@@ -229,9 +243,16 @@ def _status(
         return "DEVIATING", f"{place}; only {plan.share:.0%} fits the plan. {label(context.loa)} allows {1000 * bound:.0f} mm."
     if whole <= 0:
         return "NOTOBSERVED", "Other elements touch or enclose its whole surface, so no scanner can see it."
-    if share < t.least_seen_share or plan.sightings < t.least_sightings:
-        return "NOTOBSERVED", f"Only {share:.1%} of its exposed surface was in view of a station; that is no evidence."
+    if not enough_seen(plan, share, t):
+        return "NOTOBSERVED", (
+            f"Only {share:.1%} of its exposed surface was in view of a station, of {plan.rays} rays; that is no evidence."
+        )
     absent_up_to, present_from = standing
+    if plan.share <= absent_up_to and share < t.absent_seen_share:
+        return "PARTIAL", (
+            f"Rays passed through {1 - plan.share:.0%} of what was in view, "
+            f"but that is only {share:.1%} of its exposed surface."
+        )
     if plan.share <= absent_up_to:
         return "ABSENT", (
             f"Rays passed through {1 - plan.share:.0%} of the {share:.0%} of its surface that was in view, "

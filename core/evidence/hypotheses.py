@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-SEARCH_M = 0.25
-"""How far from its plan an element is looked for. Farther away it is a new object, and the planned one is absent."""
+from .sightings import SEARCH_M
+
 BIN_M = 0.005
 LEAST_GROUP_SHARE = 0.15
 """A deviation counts when it is shared by at least this part of what was seen of the faces of one direction."""

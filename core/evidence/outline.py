@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .hypotheses import face_groups
+from .sightings import Sightings
 
 RING_M = 0.04
 """Distance of the outer ring from the faces' edges, metres; grows to two point spacings on coarse scans."""
@@ -49,3 +50,11 @@ def ring(
     if not points:
         return np.zeros((0, 3)), np.zeros((0, 3))
     return np.concatenate(points), np.concatenate(normals)
+
+
+def goes_on(around: Sightings, sigma: float, outline_share: float) -> bool:
+    """Whether the surface continues beyond the element's outline, so that it belongs to something larger."""
+    if len(around) == 0:
+        return False
+    level = np.abs(around.deviation) <= max(3.0 * sigma, 0.008)
+    return float(np.mean(level & ~around.explained)) > outline_share

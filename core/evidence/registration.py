@@ -1,70 +1,138 @@
-"""How well do the stations agree? Their registration error, estimated from what they saw in common."""
+"""How well are the stations registered? Their position errors' variance, estimated from what they saw.
+
+A linear mixed model: every station s has an unknown position error e_s, independent normal with the same standard deviation
+along each axis. Two kinds of observations tell of it:
+
+- A piece of surface that two stations saw: the difference of their residuals is n.(e_s - e_t). What was built, and the
+  plan, are the same for both.
+- The mean residual of an element's face: n.(mean of e_s) + what that face is off from its plan. The spread of these over
+  the faces of the building is part of the model; faces far off (moved elements) lose their weight.
+
+The variance is estimated by restricted maximum likelihood (EM), which also says on how many degrees of freedom it rests.
+"""
 
 from __future__ import annotations
 
-from itertools import pairwise
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
-from ..model.samples import SurfaceSamples
-from .displacement import block_means
-from .sightings import AT, Sightings
+from .blocks import Blocks
+
+Array = NDArray[np.float64]
 
 FALLBACK_M = 0.002
-"""Assumed where no surface was seen from two stations: a usual target- or cloud-based registration."""
-LEAST_COSINE = 0.35
+"""Assumed where nothing tells: a usual target- or cloud-based registration."""
+LEAST_FREEDOM = 3.0
 LEAST_RETURNS = 12
-LEAST_PAIRS = 6
-WINSOR = 3.0
+TUKEY = 4.685
+ROUNDS = 15
+EM_STEPS = 200
+SMALLEST_M = 1e-5
 
 
-def estimate_registration_sigma(seen: Sightings, samples: SurfaceSamples, sigma: float, window: float) -> float:
-    """Standard deviation of a station's position along one axis, metres.
+@dataclass(frozen=True)
+class Registration:
+    """Standard deviation of a station's position along one axis, and the degrees of freedom that it rests on."""
 
-    Where several stations see the same face of the same element, their mean residuals differ by their registration errors
-    alone: what was built, and the plan, are the same for all. For each such face the spread about the stations' mean is an
-    estimate of the variance of a station along the face's normal, with one degree of freedom less than stations; every
-    face direction of every element counts the same, so that one large slab does not speak for all directions.
-    """
-    use = seen.on_face & (seen.state(window) == AT) & (seen.cosine > LEAST_COSINE)
-    own = seen.rows(use)
-    if not len(own):
-        return FALLBACK_M
-    square, freedom = [], []
-    element = samples.element[own.sample]
-    edge = np.flatnonzero(np.diff(element, prepend=-1, append=-1))
-    for begin, end in pairwise(edge):
-        for s2, f in _faces(own.rows(np.arange(begin, end)), sigma):
-            square.append(s2)
-            freedom.append(f)
-    if sum(freedom) < LEAST_PAIRS:
-        return FALLBACK_M
-    variance, weight = np.array(square), np.array(freedom, dtype=np.float64)
-    limit = WINSOR**2 * max(float(np.median(variance)), 1e-12)
-    return float(np.sqrt(max(np.average(np.minimum(variance, limit), weights=weight), 0.0)))
+    sigma: float
+    """Metres."""
+    freedom: float
+
+    @property
+    def widening(self) -> float:
+        """Factor on ``sigma`` so that 1.96 of it hold 95 %, as Student's distribution has it."""
+        return float(student.ppf(0.975, self.freedom)) / 1.96 if np.isfinite(self.freedom) else 1.0
 
 
-def _faces(own: Sightings, sigma: float) -> list[tuple[float, int]]:
-    """(variance beyond noise, degrees of freedom) of each face direction that several stations saw."""
-    blocks = block_means(own, sigma)
+def estimate_registration(elements: Iterable[Blocks], stations: int) -> Registration:
+    """Estimate from the blocks of many elements, seen from ``stations`` stations."""
+    differences, levels = [], []
+    for blocks in elements:
+        for face in range(int(blocks.face.max(initial=-1)) + 1):
+            own = blocks.face == face
+            normal = blocks.normal[own].mean(axis=0)
+            if blocks.count[own].sum() < LEAST_RETURNS or np.linalg.norm(normal) < 0.9:
+                continue
+            differences += _differences(blocks, own, normal, stations)
+            levels.append(_level(blocks, own, normal, stations))
+    if not levels:
+        return Registration(FALLBACK_M, LEAST_FREEDOM)
+    sigma, freedom = _mixed_model(differences, levels, stations)
+    return Registration(sigma, freedom) if freedom >= LEAST_FREEDOM else Registration(FALLBACK_M, LEAST_FREEDOM)
+
+
+Observation = tuple[Array, float, float]
+"""Coefficients (3 S,) of the stations' errors, value [m], variance of its noise [m2]."""
+
+
+def _differences(blocks: Blocks, own: NDArray[np.bool_], normal: Array, stations: int) -> list[Observation]:
+    """One observation for each pair of stations that saw common pieces of a face."""
     found = []
-    face = np.unique(np.round(blocks.normal * 3).astype(np.int64), axis=0, return_inverse=True)[1].ravel()
-    for k in range(int(face.max()) + 1):
-        of = face == k
-        means, noise = _per_station(blocks.residual[of], blocks.variance[of], blocks.count[of], blocks.station[of])
-        if len(means) >= 2:
-            found.append((float(means.var(ddof=1) - noise.mean()), len(means) - 1))
+    row = np.flatnonzero(own)
+    for s, t in combinations(np.unique(blocks.station[row]).tolist(), 2):
+        a, b = row[blocks.station[row] == s], row[blocks.station[row] == t]
+        _, i, j = np.intersect1d(blocks.cell[a], blocks.cell[b], assume_unique=True, return_indices=True)
+        a, b = a[i], b[j]
+        if len(a) == 0 or min(blocks.count[a].sum(), blocks.count[b].sum()) < LEAST_RETURNS:
+            continue
+        noise = blocks.variance[a] + blocks.variance[b]
+        weight = 1.0 / (noise + float(np.median(noise)))
+        weight /= weight.sum()
+        coefficient = np.zeros((stations, 3))
+        coefficient[s], coefficient[t] = normal, -normal
+        found.append((
+            coefficient.ravel(), float(weight @ (blocks.residual[a] - blocks.residual[b])),
+            float((weight**2) @ noise),
+        ))
     return found
 
 
-def _per_station(
-    residual: NDArray[np.float64], variance: NDArray[np.float64], count: NDArray[np.float64], station: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    means, noise = [], []
-    for s in np.unique(station):
-        of = station == s
-        if count[of].sum() >= LEAST_RETURNS:
-            means.append(float(np.median(residual[of])))
-            noise.append(1.57 * float(variance[of].mean()) / of.sum())
-    return np.array(means), np.array(noise)
+def _level(blocks: Blocks, own: NDArray[np.bool_], normal: Array, stations: int) -> Observation:
+    """The mean residual of a face, every station with the share of its blocks."""
+    weight = 1.0 / (blocks.variance[own] + float(np.median(blocks.variance[own])))
+    weight /= weight.sum()
+    coefficient = np.bincount(blocks.station[own], weight, minlength=stations)[:, None] * normal
+    return coefficient.ravel(), float(weight @ blocks.residual[own]), float((weight**2) @ blocks.variance[own])
+
+
+def _mixed_model(differences: list[Observation], levels: list[Observation], stations: int) -> tuple[float, float]:
+    """(sigma [m], degrees of freedom) of the stations' errors.
+
+    The freedom counts the combinations of errors that the observations would show if they were of the usual size; with
+    errors too small to be seen the estimate goes to zero, and that is knowledge too.
+    """
+    kinds = [_stack(kind, stations) for kind in (differences, levels)]
+    error = np.zeros(3 * stations)
+    variance = FALLBACK_M**2
+    values = vectors = projected = np.zeros(0)
+    for _ in range(ROUNDS):
+        normal_matrix, right = np.zeros((3 * stations, 3 * stations)), np.zeros(3 * stations)
+        for a, d, noise in kinds:
+            if not len(d):
+                continue
+            residual = d - a @ error
+            beyond = max(2.198 * float(np.median(residual**2)) - float(np.median(noise)), 1e-10)
+            u = residual / (TUKEY * np.sqrt(beyond + noise))
+            weight = np.where(np.abs(u) < 1, (1 - u**2) ** 2, 0.0) / (beyond + noise)
+            normal_matrix += (a * weight[:, None]).T @ a
+            right += a.T @ (weight * d)
+        values, vectors = np.linalg.eigh(normal_matrix)
+        values = np.maximum(values, 0.0)
+        projected = vectors.T @ right
+        for _ in range(EM_STEPS):
+            spread = 1.0 / (values + 1.0 / variance)
+            variance = max(float(np.mean((spread * projected) ** 2 + spread)), SMALLEST_M**2)
+        error = vectors @ (projected / (values + 1.0 / variance))
+    freedom = float(np.sum(values / (values + FALLBACK_M**-2)))
+    return float(np.sqrt(variance)), freedom
+
+
+def _stack(kind: list[Observation], stations: int) -> tuple[Array, Array, Array]:
+    if not kind:
+        return np.zeros((0, 3 * stations)), np.zeros(0), np.zeros(0)
+    return np.array([k[0] for k in kind]), np.array([k[1] for k in kind]), np.array([k[2] for k in kind])

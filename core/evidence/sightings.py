@@ -19,6 +19,8 @@ ON_FACE_M = 0.005
 """Depth within which the foot of a return must meet its own element's surface: sagitta of round members, chord error."""
 VISIBLE_SPACINGS = 1.1
 """A query is in view when a ray passes this close, in point spacings (a square grid leaves 0.71 at most)."""
+SEARCH_M = 0.25
+"""How far from its plan an element is looked for. Farther away it is a new object, and the planned one is absent."""
 GRAZE = 0.1
 """Smallest cosine with which a planned surface can explain a return."""
 
@@ -58,6 +60,14 @@ class Sightings:
         own = (np.abs(self.deviation) <= window) & ~self.explained
         passed = np.where(self.glass, THROUGH_GLASS, BEYOND)
         return np.where(own, AT, np.where(self.deviation < 0, passed, FRONT)).astype(np.uint8)
+
+    def ray_key(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> NDArray[np.uint64]:
+        """A number for each chosen row, the same for the same return: several queries may look at one."""
+        key = self.station[chosen].astype(np.uint64)
+        for bits in self.point[chosen].view(np.uint32).T:
+            key = (key * np.uint64(0x9E3779B97F4A7C15)) ^ bits
+            key = (key ^ (key >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)
+        return key
 
     def rows(self, chosen: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Sightings:
         """A subset; a slice of rows shares memory with the whole."""
@@ -132,16 +142,24 @@ def explain(
     scene: RayScene,
     sigma: float,
     within: float,
-    but_not: NDArray[np.int32] | None = None,
+    asked: NDArray[np.bool_],
+    element: NDArray[np.int32] | None = None,
+    strength: NDArray[np.float64] | None = None,
 ) -> NDArray[np.bool_]:
     """(M,) whether another surface accounts for the return better than the query's own.
 
+    Asked only where it matters: not of returns farther than ``SEARCH_M`` from the query's surface, which hide it or have
+    passed it whatever they met.
+
     stations (S, 3) positions in the local frame. A surface in ``scene``, of another element or another face of the same
     one, explains a return when the ray meets it from outside, it is nearer to the return along its normal than the
-    query's own surface, and not farther than ``within`` metres. ``but_not`` (M,) names an element that does not count.
+    query's own surface, and not farther than ``within`` metres. With ``element`` (M,) of the queries and ``strength`` (E,)
+    only elements of more strength than the query's own count.
+    ``asked`` (M,) are the rows to look at.
     """
     explained = np.zeros(len(seen), dtype=np.bool_)
-    doubtful = np.flatnonzero((np.abs(seen.deviation) > sigma) & ~seen.explained)
+    away_from_own = np.abs(seen.deviation)
+    doubtful = np.flatnonzero((away_from_own > sigma) & (away_from_own <= SEARCH_M) & ~seen.explained & asked)
     back = within / GRAZE
 
     def work(part: slice) -> None:
@@ -152,8 +170,8 @@ def explain(
         hits = scene.all_hits(point - back * ray, ray, 2 * back, most=8)
         for distance, triangle, entering in zip(hits.distance, hits.triangle, hits.entering, strict=True):
             met = (triangle >= 0) & entering
-            if but_not is not None:
-                met &= scene.element[triangle] != but_not[row]
+            if element is not None and strength is not None:
+                met &= strength[scene.element[triangle]] > strength[element[row]]
             facing = np.abs(np.einsum("ij,ij->i", ray, scene.normal[triangle]))
             with np.errstate(invalid="ignore"):
                 away = np.abs(distance - back) * facing

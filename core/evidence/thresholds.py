@@ -18,6 +18,11 @@ class Thresholds:
     """With less of the exposed surface in view nothing is said."""
     least_sightings: int = 6
     """Fewer query positions in view than this are stray returns, not evidence."""
+    least_rays_share: float = 1.0
+    """Rays on an element times the share of it in view must reach this, unless ``partial_coverage`` is reached: a handful of
+    rays on a small part of it, mixed pixels along one edge or a neighbour a little off, is no evidence on the whole."""
+    absent_seen_share: float = 0.05
+    """With less of the exposed surface in view an element is not called absent, whatever rays passed through."""
     present_share: float = 0.5
     """An element stands where at least this share of what was seen of it is at its place: more for than against."""
     absent_share: float = 0.25

@@ -16,9 +16,9 @@ from ..errors import BimVerifyError
 from ..evidence import decide
 from ..evidence.collect import StationIndexes
 from ..evidence.decide import Context
+from ..evidence.error_model import estimate_errors
 from ..evidence.fuse_samples import fuse_samples
 from ..evidence.gather import SensorModel
-from ..evidence.registration import estimate_registration_sigma
 from ..evidence.sightings import Sightings
 from ..evidence.thresholds import Thresholds
 from ..evidence.verify import Findings, Scenery, looks_through_glass, places, with_glass
@@ -132,13 +132,14 @@ def _sensor(options: VerifyOptions) -> SensorModel:
 def _context(scenery: Scenery, seen: Sightings, options: VerifyOptions, record: AlignmentRecord) -> Context:
     thresholds = Thresholds()
     window = max(UPPER_BOUND_M[options.loa], thresholds.window_floor) + 3 * options.sigma
-    registration = options.registration_sigma
-    if registration is None:
-        registration = estimate_registration_sigma(seen, scenery.samples, options.sigma, window)
+    errors = estimate_errors(
+        seen, scenery.samples, options.sigma, window, len(scenery.stations.stations), options.registration_sigma
+    )
+    registration = errors.registration.sigma
     if record.covariance is not None:
         registration = float(np.hypot(registration, np.sqrt(np.trace(record.covariance[3:, 3:]) / 3.0)))
     return Context(
-        loa=options.loa, sigma=options.sigma, registration_sigma=registration, window=window,
+        loa=options.loa, sigma=options.sigma, registration_sigma=registration, errors=errors, window=window,
         see_through=looks_through_glass(scenery, seen, window), thresholds=thresholds,
         station_names=tuple(s.name for s in scenery.stations.stations),
     )

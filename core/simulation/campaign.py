@@ -23,7 +23,7 @@ from ..progress import Progress
 from ..scans.campaign import ReturnBlock, Station
 from ..scans.write_e57 import write_e57
 from .scanner import PRESETS, Scanner, scan_bands
-from .scene import Edit, Glass, Prop, Scene, Unevenness, build_scene, thinnest_axis
+from .scene import Edit, Glass, Prop, Scene, Unevenness, build_scene, face_axes, thinnest_axis
 from .stand_points import choose_stations, find_stand_points, near_walls, pick_spread
 from .witness import StationView, Witness, planned_area
 
@@ -101,17 +101,20 @@ def make_campaign(
     pose_noise: tuple[float, float] = (0.0, 0.0),
     glass: Glass = "opaque",
     unevenness: float = 0.0,
+    any_face: bool = False,
 ) -> Campaign:
     """Choose edits, clutter and stations at random, everything from ``seed``.
 
     ``remove_share`` and ``shift_share`` are shares of the elements that a scanner could see at all; shifts go along the
-    element's thinnest axis, both ways. ``clutter`` boxes stand on floors near walls, ``people`` anywhere on them.
+    element's thinnest axis, both ways, or with ``any_face`` along any of its main faces' normals. ``clutter`` boxes stand on
+    floors near walls, ``people`` anywhere on them.
     ``stations`` None: as many as it takes to see most of what can be seen. ``pose_noise`` is (sigma_t [m], sigma_rot
     [rad]) per axis of the recorded poses. ``unevenness`` [m] is the standard deviation of smooth bumps of all surfaces.
     """
     samples = sample_surface(model, SAMPLE_SPACING_M)
     edits = choose_edits(
-        model, samples, seed=seed, remove_share=remove_share, shift_share=shift_share, shifts_m=shifts_m
+        model, samples, seed=seed, remove_share=remove_share, shift_share=shift_share, shifts_m=shifts_m,
+        any_face=any_face,
     )
     props = place_props(model, build_scene(model, edits, seed=seed), seed=seed, boxes=clutter, people=people)
     scene = build_scene(model, edits, props, seed=seed)
@@ -162,6 +165,7 @@ def choose_edits(
     remove_share: float,
     shift_share: float,
     shifts_m: Sequence[float],
+    any_face: bool = False,
 ) -> dict[int, Edit]:
     """Which elements were not built, and which were built elsewhere: among those that could be seen at all."""
     random = np.random.default_rng((seed, 3))
@@ -174,7 +178,12 @@ def choose_edits(
     sizes = random.permutation(sizes)[:shifted]
     start = model.triangle_start
     for row, size in zip(could_be_seen[removed : removed + shifted], sizes, strict=True):
-        axis, _ = thinnest_axis(model.vertices[model.triangles[start[row] : start[row + 1]]])
+        corners = model.vertices[model.triangles[start[row] : start[row + 1]]]
+        if any_face:
+            axes = face_axes(corners)
+            axis = axes[int(random.integers(len(axes)))]
+        else:
+            axis, _ = thinnest_axis(corners)
         offset = float(size * random.choice([-1.0, 1.0]))
         edits[int(row)] = Edit("shift", offset, (float(axis[0]), float(axis[1]), float(axis[2])))
     return edits

@@ -256,6 +256,28 @@ def thinnest_axis(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], fl
 
     corners (T, 3, 3). The axis' largest component is positive. Only normals of the largest faces are looked at.
     """
+    axes, _ = _face_normals(corners)
+    along = corners.reshape(-1, 3) @ axes.T
+    extent = along.max(axis=0) - along.min(axis=0)
+    thinnest = int(np.argmin(np.round(extent, 6)))
+    return axes[thinnest], float(extent[thinnest])
+
+
+def face_axes(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(K, 3) directions of a body's main faces, K = 1 ... 3, more than 45 degrees from each other, largest faces first.
+
+    corners (T, 3, 3). A direction counts with at least a hundredth of the surface; the largest component is positive.
+    """
+    axes, area = _face_normals(corners)
+    chosen: list[NDArray[np.float64]] = []
+    for axis in axes[area >= 0.01 * area.sum()]:
+        if len(chosen) < 3 and all(abs(float(axis @ other)) < math.sqrt(0.5) for other in chosen):
+            chosen.append(axis)
+    return np.array(chosen or axes[:1])
+
+
+def _face_normals(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unit normals (K, 3) of up to 100 face directions, opposite ones taken as one, and their areas (K,), largest first."""
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(cross, axis=1)
     normal = cross / np.maximum(area[:, None], 1e-30)
@@ -266,11 +288,7 @@ def thinnest_axis(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], fl
     total = np.bincount(inverse, weights=area)
     largest = np.argsort(-total, kind="stable")[:100]
     first = np.array([np.flatnonzero(inverse == i)[np.argmax(area[inverse == i])] for i in largest])
-    axes = normal[first]
-    along = corners.reshape(-1, 3) @ axes.T
-    extent = along.max(axis=0) - along.min(axis=0)
-    thinnest = int(np.argmin(np.round(extent, 6)))
-    return axes[thinnest], float(extent[thinnest])
+    return normal[first], 0.5 * total[largest]
 
 
 def glass_triangles(model: BuildingModel) -> NDArray[np.bool_]:

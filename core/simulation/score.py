@@ -31,10 +31,31 @@ class Score:
     """Error of the displacement along the true direction, for shifted elements."""
     normalized_errors: list[float] = field(default_factory=list)
     """The same divided by the stated standard deviation, registration included."""
+    unmoved_significant: list[bool] = field(default_factory=list)
+    """Whether a shift was called significant, for elements in view that did not move."""
 
     @property
     def shift_error_median(self) -> float:
         return float(np.median(np.abs(self.shift_errors))) if self.shift_errors else 0.0
+
+    @property
+    def false_significant(self) -> float:
+        """Share of the elements that did not move with a significant shift."""
+        return float(np.mean(self.unmoved_significant)) if self.unmoved_significant else 0.0
+
+    def tally(self, kind: str) -> str:
+        """``right/scored`` of a kind of truth."""
+        scored = sum(self.per_kind.get(kind, Counter()).values())
+        return f"{scored - sum(k == kind for _, k in self.wrong)}/{scored}"
+
+    def add(self, other: Score) -> None:
+        """Join another campaign's score to this one."""
+        self.right += other.right
+        self.scored += other.scored
+        for kind, counts in other.per_kind.items():
+            self.per_kind.setdefault(kind, Counter()).update(counts)
+        for name in ("wrong", "shift_errors", "normalized_errors", "unmoved_significant"):
+            getattr(self, name).extend(getattr(other, name))
 
 
 def score(result: VerificationResult, truth: dict[str, Any]) -> Score:
@@ -48,6 +69,8 @@ def score(result: VerificationResult, truth: dict[str, Any]) -> Score:
         kind, right = _expected(fact, bound)
         if not kind:
             continue
+        if kind == "confirmed" and fact["edit"] == "none" and verdict.significant is not None:
+            total.unmoved_significant.append(verdict.significant)
         total.scored += 1
         total.per_kind.setdefault(kind, Counter())[verdict.status] += 1
         if verdict.status in right:

@@ -1,0 +1,76 @@
+"""Means of returns over small pieces of an element's faces: the observations that shifts and errors are estimated from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .sightings import Sightings
+
+Array = NDArray[np.float64]
+
+BLOCK_M = 0.25
+"""Edge of a block: small beside the unevenness of walls and slabs, large beside the spacing of usual scans."""
+MOST_BLOCKS = 800
+"""Larger elements get larger blocks, so that pairs of blocks stay countable."""
+PRIOR_RETURNS = 4.0
+"""Returns' worth of the sensor's stated sigma that the scatter of the returns is averaged with."""
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Means of the returns that fall into one block of one face, seen from one station."""
+
+    residual: Array
+    """(B,) metres."""
+    normal: Array
+    """(B, 3)"""
+    point: Array
+    """(B, 3) metres, local frame."""
+    station: NDArray[np.int64]
+    variance: Array
+    """(B,) of the mean, from the returns' own scatter, m2."""
+    count: Array
+    """(B,) returns."""
+    face: NDArray[np.int64]
+    """(B,) number of the face direction."""
+    cell: NDArray[np.int64]
+    """(B,) number of the piece of surface: the same for blocks of several stations that cover it."""
+
+    def __len__(self) -> int:
+        return len(self.residual)
+
+
+def block_means(sightings: Sightings, sigma: float) -> Blocks:
+    """Blocks per face direction and station of one element; a return seen from several queries counts once.
+
+    ``sigma`` [m] is what the sensor should do; the scatter of the returns about their blocks' means outweighs it.
+    """
+    point = sightings.point.astype(np.float64)
+    normal = sightings.face_normal.astype(np.float64)
+    station = sightings.station.astype(np.int64)
+    once = np.unique(np.column_stack([sightings.point.view(np.int32), station]), axis=0, return_index=True)[1]
+    point, normal, station, residual = point[once], normal[once], station[once], sightings.residual[once]
+    direction = np.round(normal * 3).astype(np.int64)
+    size = BLOCK_M
+    while True:
+        key = np.column_stack([direction, np.floor(point / size).astype(np.int64), station])
+        first, block, count = np.unique(key, axis=0, return_index=True, return_inverse=True, return_counts=True)[1:]
+        if len(count) <= MOST_BLOCKS:
+            break
+        size *= 1.5
+    block = block.ravel()
+    mean = np.bincount(block, residual) / count
+    facing = np.column_stack([np.bincount(block, normal[:, k]).astype(np.float64) for k in range(3)])
+    facing /= np.linalg.norm(facing, axis=1, keepdims=True)
+    apart = residual - mean[block]
+    freedom = max(len(residual) - len(count), 0)
+    pooled2 = (sigma**2 * PRIOR_RETURNS + float((apart**2).sum())) / (PRIOR_RETURNS + freedom)
+    place = np.column_stack([np.bincount(block, point[:, k]) / count for k in range(3)])
+    return Blocks(
+        mean, facing, place, station[first], pooled2 / count, count.astype(np.float64),
+        np.unique(direction[first], axis=0, return_inverse=True)[1].ravel(),
+        np.unique(key[first, :6], axis=0, return_inverse=True)[1].ravel(),
+    )
