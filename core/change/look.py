@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from ..errors import BimVerifyError
 from ..evidence.collect import StationIndexes
 from ..evidence.decide import GLAZED, Context, Place
+from ..evidence.error_model import estimate_errors
 from ..evidence.gather import SensorModel
-from ..evidence.registration import estimate_registration_sigma
 from ..evidence.thresholds import Thresholds
 from ..evidence.verify import Scenery, looks_through_glass, places, with_glass
 from ..model.elements import BuildingModel
@@ -95,10 +95,10 @@ def look_at_elements(
             f"No return of the stations {names} comes near the model: scan and model are in different frames; "
             "register the scan."
         )
-    if registration_sigma is None:
-        registration_sigma = estimate_registration_sigma(seen, samples, sigma, window)
+    errors = estimate_errors(seen, samples, sigma, window, len(stations.stations), registration_sigma)
+    registration_sigma = errors.registration.sigma
     context = Context(
-        loa=LOA, sigma=sigma, registration_sigma=registration_sigma, window=window,
+        loa=LOA, sigma=sigma, registration_sigma=registration_sigma, errors=errors, window=window,
         see_through=looks_through_glass(scenery, seen, window), thresholds=thresholds,
         station_names=tuple(s.name for s in stations.stations),
     )
