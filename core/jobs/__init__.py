@@ -1,5 +1,6 @@
 """Files to results: what every face of the project calls. One module a job."""
 
+from .quality import quality
 from .verification import align_scans, verify
 
-__all__ = ["align_scans", "verify"]
+__all__ = ["align_scans", "quality", "verify"]

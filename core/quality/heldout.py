@@ -1,0 +1,88 @@
+"""Predicted against actual error: components modelled again from the returns of a simulated campaign built as planned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scans.campaign import ScanSource
+from .faces import Face, main_faces, number_faces
+from .prediction import component_class
+from .remodel import MARGIN_M, remodel_face
+from .results import QualityResult
+
+LEAST_FILLED = 0.97
+"""Share of its rectangle that a face must fill to have four sides."""
+LEAST_SEEN = 0.9
+SMALLEST_M = 0.08
+FREE_EDGE = 0.5
+
+
+@dataclass(frozen=True)
+class ErrorPair:
+    """One component; metres."""
+
+    kind: str
+    predicted: float
+    actual: float
+
+
+def predicted_and_actual(result: QualityResult, source: ScanSource) -> list[ErrorPair]:
+    """Every element whose main face is a rectangle that was seen almost whole, modelled from its returns.
+
+    ``source`` are the scans, in the model's frame, of a building that stands as planned, so what the model differs from
+    the plan is its error.
+    """
+    model, samples = result.model, result.samples
+    seen_area = np.bincount(
+        samples.triangle, weights=samples.area * result.survey.seen, minlength=len(model.triangles)
+    )
+    chosen: list[Face] = []
+    for row, face in enumerate(main_faces(model, number_faces(model), seen_area)):
+        quality = result.elements[row]
+        if face is None or quality.predicted_error is None or min(face.width, face.height) < SMALLEST_M:
+            continue
+        own = np.flatnonzero(samples.element == row)
+        place = (samples.position[own] - face.corner) @ face.axes.T
+        on = (np.abs(place[:, 2]) < 0.01) & (samples.normal[own] @ face.axes[2] > 0.9)
+        if on.sum() < 20 or face.filled < LEAST_FILLED or result.survey.seen[own[on]].mean() < LEAST_SEEN:
+            continue
+        chosen.append(face)
+    points: list[list[NDArray[np.float64]]] = [[] for _ in chosen]
+    positions = [s.position - model.origin for s in source.stations]
+    gate = result.options.window
+    for block in source.blocks():
+        point = block.offsets + positions[block.station]
+        for face, mine in zip(chosen, points, strict=True):
+            if (positions[block.station] - face.corner) @ face.axes[2] <= 0:
+                continue
+            place = (point - face.corner) @ face.axes.T
+            near = (np.abs(place[:, 2]) <= gate) & (place[:, :2] >= -MARGIN_M).all(axis=1)
+            near &= (place[:, 0] <= face.width + MARGIN_M) & (place[:, 1] <= face.height + MARGIN_M)
+            mine.append(point[near])
+    pairs = []
+    for face, mine in zip(chosen, points, strict=True):
+        quality = result.elements[face.element]
+        spacing = quality.measured.spacing or 0.0
+        surface, outline = remodel_face(face, np.concatenate(mine), spacing, gate)
+        kind = component_class(quality.ifc_class)
+        actual = surface if kind == "surface" else float(np.hypot(surface, np.sqrt(2.0) * outline))
+        if quality.predicted_error is not None and np.isfinite(actual):
+            pairs.append(ErrorPair(kind, quality.predicted_error, actual))
+    return pairs
+
+
+def compare_errors(pairs: list[ErrorPair]) -> str:
+    """Mean difference and correlation in one line, millimetres."""
+    if len(pairs) < 3:
+        return f"{len(pairs)} components, too few to compare"
+    predicted, actual = (1000 * np.array([getattr(p, name) for p in pairs]) for name in ("predicted", "actual"))
+    away = np.abs(predicted - actual)
+    with np.errstate(invalid="ignore"):
+        correlation = float(np.corrcoef(predicted, actual)[0, 1])
+    return (
+        f"{len(pairs)} components: predicted {predicted.mean():.2f} mm, actual {actual.mean():.2f} mm on average; mean "
+        f"difference {away.mean():.2f} mm (standard deviation {away.std():.2f}), correlation {correlation:.2f}"
+    )
