@@ -177,7 +177,7 @@ def errors(folder: Path, models: list[str]) -> None:
 def speed(folder: Path, million: float) -> None:
     """Print the time of a campaign on 300 elements."""
     model = tower()
-    stations = np.concatenate([four_room_stations() + [0.0, 0.0, 3.0 * k] for k in range(STOREYS)])
+    stations = np.concatenate([four_room_stations() + up(k) for k in range(STOREYS)])
     beams = 360.0 * 150.0 * len(stations)
     for count in (0.5, million):  # the first compiles the kernels and fills the caches
         source = scan(model, stations, step_deg=math.sqrt(beams / (count * 1e6)))
@@ -201,10 +201,15 @@ def speed(folder: Path, million: float) -> None:
 def tower() -> BuildingModel:
     """Storeys of four rooms, one on the other."""
     boxes = [
-        dataclasses.replace(b, name=f"{b.name} {k}", low=b.low + [0, 0, 3.0 * k], high=b.high + [0, 0, 3.0 * k])
+        dataclasses.replace(b, name=f"{b.name} {k}", low=b.low + up(k), high=b.high + up(k))
         for k in range(STOREYS) for b in four_rooms()
     ]
     return building_model(boxes)
+
+
+def up(storey: int) -> np.ndarray:
+    """From the ground floor to a storey, metres."""
+    return np.array([0.0, 0.0, 3.0 * storey])
 
 
 def once(path: Path) -> None:

@@ -73,9 +73,10 @@ def quality_lines(result: QualityResult) -> list[str]:
         lines.append(f"Missing: {', '.join(missing)}.")
     if result.clutter:
         largest = result.clutter[0]
+        middle = ", ".join(f"{0.5 * (a + b):.1f}" for a, b in zip(largest.low, largest.high, strict=True))
         lines.append(
             f"{len(result.clutter)} things that are not in the model hide parts of it; the largest hides "
-            f"{largest.hidden_area:.1f} m2 near ({', '.join(f'{0.5 * (a + b):.1f}' for a, b in zip(largest.low, largest.high, strict=True))})."
+            f"{largest.hidden_area:.1f} m2 near ({middle})."
         )
     lines += [f"Note: {warning}" for warning in result.warnings[:5]]
     return lines

@@ -1,6 +1,7 @@
 """Files to results: what every face of the project calls. One module a job."""
 
+from .plan import plan
 from .quality import quality
 from .verification import align_scans, verify
 
-__all__ = ["align_scans", "quality", "verify"]
+__all__ = ["align_scans", "plan", "quality", "verify"]

@@ -84,7 +84,7 @@ def quality(
         progress.update(0.8, "Expected errors")
         seen_area = np.bincount(
             samples.triangle, weights=samples.area * (found.seen + 1e-6 * samples.exposed), minlength=len(model.triangles)
-        )
+        ).astype(np.float64)
         assessor = Assessor(
             model, samples, found, blocked, clutter, overlap, edges, main_faces(model, face, seen_area), registration,
             names, options,

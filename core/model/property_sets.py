@@ -98,11 +98,10 @@ def _angle_unit(file: Any) -> float:
     """Radians per plane angle unit of the file."""
     import ifcopenshell.util.unit
 
-    try:
-        unit = ifcopenshell.util.unit.get_project_unit(file, "PLANEANGLEUNIT")
-        return float(unit.ConversionFactor.ValueComponent.wrappedValue) if hasattr(unit, "ConversionFactor") else 1.0
-    except (AttributeError, IndexError, TypeError):
+    unit: Any = ifcopenshell.util.unit.get_project_unit(file, "PLANEANGLEUNIT")
+    if unit is None or not unit.is_a("IfcConversionBasedUnit"):
         return 1.0
+    return float(unit.ConversionFactor.ValueComponent.wrappedValue)
 
 
 def _entity(file: Any, kind: str, value: str | float | int | bool | None, units: dict[str, float]) -> Any:

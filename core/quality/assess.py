@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +86,7 @@ class Assessor:
         order = np.argsort(label, kind="stable")
         edge = np.searchsorted(label[order], np.arange(int(label.max()) + 2))
         out = []
-        for begin, end in zip(edge[:-1], edge[1:], strict=True):
+        for begin, end in pairwise(edge):
             own = rows[order[begin:end]]
             center = self.samples.position[own].mean(axis=0) + self.model.origin
             mean = self.samples.normal[own].mean(axis=0)

@@ -54,11 +54,12 @@ class _Picture:
         peak = np.unravel_index(int(np.argmax(found)), found.shape)
         if (found[peak] - found.mean()) / found.std() < LEAST_PEAK:
             return None
-        shift = []
+        shift: list[float] = []
         for axis, size in enumerate(found.shape):
-            around = [found[tuple((p + (d if k == axis else 0)) % found.shape[k] for k, p in enumerate(peak))] for d in (-1, 0, 1)]
+            line = np.take(found, peak[1 - axis], axis=1 - axis)
+            around = [float(line[(peak[axis] + d) % size]) for d in (-1, 0, 1)]
             curve = around[0] - 2 * around[1] + around[2]
-            place = peak[axis] + (0.5 * (around[0] - around[2]) / curve if curve < 0 else 0.0)
+            place = int(peak[axis]) + (0.5 * (around[0] - around[2]) / curve if curve < 0 else 0.0)
             shift.append(((place + size / 2) % size - size / 2) * self.step)
         return shift[0], shift[1]
 
@@ -78,7 +79,7 @@ def study_color(source: ScanSource, spacing: list[float], progress: Progress) ->
         return ColorStudy(None, "the file has no colour")
     grids = [s.grid for s in source.stations]
     if first.row is None or not any(grids):
-        return ColorStudy(None, "the scans are not organised in rows and columns, so colour edges cannot be set against edges of the geometry")
+        return ColorStudy(None, "the scans are not in rows and columns, so edges of colour cannot be set against other edges")
     pictures: dict[int, _Picture] = {}
     done = 0
     for block in source.blocks(attributes=True):

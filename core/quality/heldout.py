@@ -38,7 +38,7 @@ def predicted_and_actual(result: QualityResult, source: ScanSource) -> list[Erro
     model, samples = result.model, result.samples
     seen_area = np.bincount(
         samples.triangle, weights=samples.area * result.survey.seen, minlength=len(model.triangles)
-    )
+    ).astype(np.float64)
     chosen: list[Face] = []
     for row, face in enumerate(main_faces(model, number_faces(model), seen_area)):
         quality = result.elements[row]

@@ -107,4 +107,5 @@ def write_quality_samples(path: str | Path, result: QualityResult) -> None:
         "spacing": result.survey.spacing[rows].astype(np.float32),
         "element": result.samples.element[rows].astype(np.int32),
     }
-    write_ply(path, columns, ["metres, model frame", f"cause: {', '.join(f'{k} {name}' for k, name in enumerate(CAUSE_COLORS))}"])
+    legend = ", ".join(f"{number} {name}" for number, name in enumerate(CAUSE_COLORS))
+    write_ply(path, columns, ["metres, model frame", f"cause: {legend}"])

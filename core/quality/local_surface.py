@@ -119,7 +119,7 @@ def _measure(  # type: ignore[no-untyped-def]
         # plane w = a0 + a1 u + a2 v: once around the nearest return's level, then trimmed
         a0, a1, a2, gate = best_on_away, 0.0, 0.0, GATE_M
         used = 0
-        for step in range(2):
+        for _ in range(2):
             s, su, sv, suu, suv, svv, sw, swu, swv, sww = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for row in range(first, last + 1):
                 a, b, c, d = column_runs(begin, end, half, row, row_start, bin_start)

@@ -73,8 +73,10 @@ class Limits:
     elevation_min: float
     """Radians, sensor frame."""
     elevation_max: float
+    faintest: float
+    """Largest distance^2 / cos(incidence) [m2] that is mostly answered; infinite where no limit shows."""
     incidence_max: float
-    """Radians."""
+    """Radians, as asked for."""
 
 
 def half_lost(tally: NDArray[np.int64], edges: Array, least: int = 60) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +92,7 @@ def study_edges(
         residual[better] = away[better]
     order = np.argsort(face[sample], kind="stable")
     edge = np.flatnonzero(np.diff(face[sample][order], prepend=-1, append=-1))
-    for begin, end in zip(edge[:-1], edge[1:], strict=True):
+    for begin, end in pairwise(edge):
         own = order[begin:end]
         known = own[np.isfinite(residual[own])]
         if len(known):

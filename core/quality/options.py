@@ -18,7 +18,7 @@ class QualityOptions(InputOptions):
     patch_size: float = 1.0
     """Edge of a patch, the unit of the table below the elements."""
     window: float = 0.05
-    """A return this close to the planned surface, along its normal, lies on it; what is built further off is another surface."""
+    """A return this close to the planned surface, along its normal, lies on it; what is built further off is another one."""
     max_incidence: float = 1.3963
     """80 degrees: steeper returns are no evidence on a surface (as in ``verify``)."""
     range_max: float | None = None

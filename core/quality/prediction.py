@@ -1,3 +1,4 @@
+# ruff: noqa: NPY002  (compiled code has no generators that threads could own)
 """Expected error of the as-built model of a component, from the spacing and the noise of its returns.
 
 For each class of component and size a table over 35 spacings and 10 noise levels is made once, by scattering points over

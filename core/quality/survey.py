@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,8 +43,8 @@ STEEP_ENOUGH = 0.35
 """Cosine from which on a view takes part in the comparison of stations (70 degrees)."""
 FEWEST_FOR_OVERLAP = 10
 """Returns of a plane that takes part in the comparison of stations."""
-RANGE_EDGES_M = np.geomspace(0.5, 2000.0, 121)
-INCIDENCE_EDGES = np.radians(np.arange(0.0, 91.0, 1.0))
+FAINTNESS_EDGES = np.geomspace(0.05, 4e6, 181)
+"""Of distance^2 / cos(incidence) [m2]: what a surface sends back goes with its inverse (the laser's equation)."""
 EDGE_RETURNS = 60_000
 """Returns near edges that one station gives to the study of edge noise."""
 
@@ -71,7 +72,7 @@ class Survey:
     """(K, 3) returns near edges, one array a tile, with the sample they were found at, and their station."""
     edge_sample: list[NDArray[np.int64]] = field(default_factory=list)
     edge_station: list[NDArray[np.int16]] = field(default_factory=list)
-    limits: Limits = Limits(math.inf, -math.pi / 2, math.pi / 2, math.pi / 2)
+    limits: Limits = field(default_factory=lambda: Limits(math.inf, -math.pi / 2, math.pi / 2, math.inf, math.pi / 2))
 
     @property
     def seen(self) -> NDArray[np.bool_]:
@@ -116,13 +117,14 @@ def survey(
     """Look at all exposed samples from all stations. ``edge`` (N,) is each sample's distance to the nearest edge [m]."""
     count = len(samples)
     found = Survey(
-        best=BestView.empty(count), density=np.zeros(count), stations=np.zeros(count, np.int16), square=np.zeros(count),
-        freedom=np.zeros(count), square_near=np.zeros(count), freedom_near=np.zeros(count), overlap=[Overlap() for _ in stations.stations], views=[],
+        best=BestView.empty(count), density=np.zeros(count), stations=np.zeros(count, np.int16),
+        square=np.zeros(count), freedom=np.zeros(count), square_near=np.zeros(count), freedom_near=np.zeros(count),
+        overlap=[Overlap() for _ in stations.stations], views=[],
     )
     surfaces = ElementSurfaces(model)
     silent = _Silent()
     counters = [FieldOfViewCounter(s.rotation) for s in stations.stations]
-    tallies = np.zeros((2, len(RANGE_EDGES_M)), np.int64), np.zeros((2, len(INCIDENCE_EDGES)), np.int64)
+    tally = np.zeros((2, len(FAINTNESS_EDGES)), np.int64)
     exposed = np.flatnonzero(samples.exposed)
     for station, index, sector in stations.visit(SensorModel(0.0, 0.0), progress):
         counters[station].add(index.returns)
@@ -133,14 +135,20 @@ def survey(
             azimuth = np.arctan2(relative[:, 1], relative[:, 0]) % (2 * np.pi)
             own = (azimuth >= sector[0]) & (azimuth < sector[1])
             row, relative = exposed[own], relative[own]
-        _look(found, silent, tallies, station, index, position, row, relative, samples, scene, surfaces, edge, options)
+        _look(found, silent, tally, station, index, position, row, relative, samples, scene, surfaces, edge, options)
+    for station in np.flatnonzero([math.isnan(s) for s in stations.spacing]):  # nothing came back to it
+        position = stations.position[station]
+        relative = samples.position[exposed] - position
+        facing = np.einsum("ij,ij->i", relative, samples.normal[exposed]) < 0
+        row, relative = exposed[facing], relative[facing]
+        _quiet(found, silent, int(station), position, row, relative, samples, scene)
     found.views = [c.result() for c in counters]
-    _judge(found, silent, tallies, stations, samples, model, options)
+    _judge(found, silent, tally, stations, samples, model, options)
     return found
 
 
 def _look(
-    found: Survey, silent: _Silent, tallies: tuple[NDArray[np.int64], NDArray[np.int64]], station: int,
+    found: Survey, silent: _Silent, tally: NDArray[np.int64], station: int,
     index: StationIndex, position: Array, row: NDArray[np.int64], relative: Array, samples: SurfaceSamples,
     scene: RayScene, surfaces: ElementSurfaces, edge: Array, options: QualityOptions,
 ) -> None:
@@ -164,53 +172,50 @@ def _look(
     # a ray that passes beside the element says nothing; the closest one that met its surface does
     beside = close & (seen.level < -options.window) & ~through_face
     at |= beside & (seen.on_dy <= VISIBLE_SPACINGS * index.spacing_rad * seen.distance)
+    # met too steeply, a return in the window may lie a metre away along the surface, on something else
+    at &= seen.cosine >= steepest
     silent_view = ~at & ~front & ~through_face
 
-    state = np.full(len(row), ABSORBED, np.int8)
-    state[at] = np.where(seen.cosine[at] >= steepest, SEEN, GRAZING)
+    state = np.full(len(row), SEEN, np.int8)
     state[front] = OCCLUDED
     state[through_face] = PASSED
     blocker = np.full((len(row), 3), np.nan)
     blocked = np.flatnonzero(front)
     blocker[blocked] = position + index.returns[seen.nearest[blocked]]
 
-    quiet = np.flatnonzero(silent_view)
-    planned = _first_planned(scene, position, samples, row[quiet], seen.distance[quiet], relative[quiet])
-    hidden = np.isfinite(planned)
-    state[quiet[hidden]] = OCCLUDED
-    blocker[quiet[hidden]] = position + relative[quiet[hidden]] * (
-        planned[hidden] / seen.distance[quiet[hidden]]
-    )[:, None]
-    open_view = quiet[~hidden]
-    told = np.ones(len(row), dtype=np.bool_)
-    told[open_view] = False
+    told = ~silent_view
     found.best.offer(row[told], state[told], station, seen.cosine[told], seen.distance[told], blocker[told])
-
-    silent.row.append(row[open_view])
-    silent.station.append(np.full(len(open_view), station, np.int16))
-    silent.cosine.append(seen.cosine[open_view])
-    silent.distance.append(seen.distance[open_view])
-    silent.direction.append(relative[open_view] / np.maximum(seen.distance[open_view], 1e-9)[:, None])
-    _tally(tallies, np.flatnonzero(state == SEEN), seen, 1)
-    _keep_surface(found, station, index, position, row, seen, state == SEEN, samples, edge)
+    _quiet(found, silent, station, position, row[silent_view], relative[silent_view], samples, scene)
+    answered = state == SEEN
+    _count(tally, 1, seen.distance[answered], seen.cosine[answered])
+    _keep_surface(found, station, index, position, row, seen, answered, samples, edge)
 
 
-def _tally(
-    tallies: tuple[NDArray[np.int64], NDArray[np.int64]], rows: NDArray[np.int64], seen: LocalSurface, which: int
+def _quiet(
+    found: Survey, silent: _Silent, station: int, position: Array, row: NDArray[np.int64], relative: Array,
+    samples: SurfaceSamples, scene: RayScene,
 ) -> None:
-    steep = seen.cosine[rows] >= 0.5
-    _count(tallies, which, seen.distance[rows], np.arccos(np.clip(seen.cosine[rows], 0.0, 1.0)), steep)
+    """Views from which no ray came back: what is planned before the surface hides it, the others are judged later."""
+    distance = np.linalg.norm(relative, axis=1)
+    cosine = -np.einsum("ij,ij->i", relative, samples.normal[row]) / np.maximum(distance, 1e-9)
+    planned = _first_planned(scene, position, samples, row, distance, relative)
+    hidden = np.isfinite(planned)
+    blocker = position + relative[hidden] * (planned[hidden] / distance[hidden])[:, None]
+    found.best.offer(
+        row[hidden], np.full(int(hidden.sum()), OCCLUDED, np.int8), station, cosine[hidden], distance[hidden], blocker
+    )
+    silent.row.append(row[~hidden])
+    silent.station.append(np.full(int((~hidden).sum()), station, np.int16))
+    silent.cosine.append(cosine[~hidden])
+    silent.distance.append(distance[~hidden])
+    silent.direction.append(relative[~hidden] / np.maximum(distance[~hidden], 1e-9)[:, None])
 
 
-def _count(
-    tallies: tuple[NDArray[np.int64], NDArray[np.int64]], which: int, distance: Array, incidence: Array,
-    steep: NDArray[np.bool_],
-) -> None:
-    """Ranges of the views at less than 60 degrees, and incidences of all, that were answered (1) or not (0)."""
-    place = np.clip(np.searchsorted(RANGE_EDGES_M, distance[steep], side="right") - 1, 0, len(RANGE_EDGES_M) - 1)
-    tallies[0][which] += np.bincount(place, minlength=len(RANGE_EDGES_M))
-    place = np.clip(np.searchsorted(INCIDENCE_EDGES, incidence, side="right") - 1, 0, len(INCIDENCE_EDGES) - 1)
-    tallies[1][which] += np.bincount(place, minlength=len(INCIDENCE_EDGES))
+def _count(tally: NDArray[np.int64], which: int, distance: Array, cosine: Array) -> None:
+    """Views that were answered (1) or not (0), by how faint their answer is."""
+    faint = distance**2 / np.maximum(cosine, 1e-3)
+    place = np.clip(np.searchsorted(FAINTNESS_EDGES, faint, side="right") - 1, 0, len(FAINTNESS_EDGES) - 1)
+    tally[which] += np.bincount(place, minlength=len(FAINTNESS_EDGES))
 
 
 def _meets_face(
@@ -276,7 +281,7 @@ def _keep_surface(
 
 
 def _judge(
-    found: Survey, silent: _Silent, tallies: tuple[NDArray[np.int64], NDArray[np.int64]], stations: StationIndexes,
+    found: Survey, silent: _Silent, tally: NDArray[np.int64], stations: StationIndexes,
     samples: SurfaceSamples, model: BuildingModel, options: QualityOptions,
 ) -> None:
     """Put a cause to the silent views: the limits of the scanners follow from all views together."""
@@ -294,27 +299,19 @@ def _judge(
         sensor = direction[own] @ stations.stations[s].rotation
         margin = 0.5 * (stations.spacing[s] if math.isfinite(stations.spacing[s]) else 0.0)
         outside[own] = view.outside(sensor, margin, low, high)
-    inside = ~outside & ~glass
-    _count(tallies, 0, distance[inside], incidence[inside], cosine[inside] >= 0.5)
-    reach = _reach(found, tallies[0], options)
-    steepest = min(half_lost(tallies[1], INCIDENCE_EDGES), options.max_incidence)
-    found.limits = Limits(reach, low, high, steepest)
+    inside = ~outside & ~glass & (incidence <= options.max_incidence)
+    _count(tally, 0, distance[inside], cosine[inside])
+    faintest = half_lost(tally, FAINTNESS_EDGES)
+    reach = options.range_max or min(math.sqrt(faintest), max(v.range_max for v in found.views))
+    found.limits = Limits(reach, low, high, faintest, options.max_incidence)
     state = np.full(len(row), ABSORBED, np.int8)
-    state[incidence > steepest] = GRAZING
+    state[(incidence > options.max_incidence) | (distance**2 > faintest * cosine)] = GRAZING
     state[(distance > reach) & ~glass] = OUT_OF_RANGE
     state[outside] = OUTSIDE_VIEW
     order = np.lexsort((row, station))
     edge = np.flatnonzero(np.diff(station[order], prepend=-1, append=-1))
-    for begin, end in zip(edge[:-1], edge[1:], strict=True):
+    for begin, end in pairwise(edge):
         part = order[begin:end]
         found.best.offer(
             row[part], state[part], int(station[part[0]]), cosine[part], distance[part], np.full((len(part), 3), np.nan)
         )
-
-
-def _reach(found: Survey, tally: NDArray[np.int64], options: QualityOptions) -> float:
-    """Range beyond which hardly any surface in plain view answered."""
-    if options.range_max is not None:
-        return options.range_max
-    longest = max(v.range_max for v in found.views)
-    return min(half_lost(tally, RANGE_EDGES_M), longest)

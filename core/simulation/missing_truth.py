@@ -72,11 +72,13 @@ def _answer(
     outside = (elevation < scanner.elevation_min) | (elevation > scanner.elevation_max)
     usual = np.full(len(distance), 0.5)
     reflectance = scene.reflectance[owner] * (1.0 - scene.lost_share[owner])
+    lost = (_returns(scanner, distance, cosine, reflectance) < LOST_POWER) | (distance > scanner.range_max)
     state = np.full(len(distance), SEEN, np.int8)
-    state[_returns(scanner, distance, cosine, reflectance) < LOST_POWER] = ABSORBED
-    state[(cosine < STEEPEST_COS) | (_returns(scanner, distance, cosine, usual) < LOST_POWER)] = GRAZING
+    state[lost] = ABSORBED
+    state[lost & (_returns(scanner, distance, cosine, usual) < LOST_POWER)] = GRAZING
+    state[cosine < STEEPEST_COS] = GRAZING
     head_on = _returns(scanner, distance, np.ones_like(cosine), usual) < LOST_POWER
-    state[(distance > scanner.range_max) | head_on] = OUT_OF_RANGE
+    state[lost & ((distance > scanner.range_max) | head_on)] = OUT_OF_RANGE
     state[outside] = OUTSIDE_VIEW
     return state
 
