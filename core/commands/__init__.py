@@ -4,9 +4,9 @@ The console script, ``blender --command bim_verify``, the headless scripts and t
 defaults and help from here.
 """
 
-from . import demo, info, quality, simulate, verify
+from . import demo, info, plan, quality, simulate, verify
 from .table import Argument, Command, Outcome
 
-COMMANDS: tuple[Command, ...] = (verify.COMMAND, quality.COMMAND, simulate.COMMAND, info.COMMAND, demo.COMMAND)
+COMMANDS: tuple[Command, ...] = (verify.COMMAND, quality.COMMAND, plan.COMMAND, simulate.COMMAND, info.COMMAND, demo.COMMAND)
 
 __all__ = ["COMMANDS", "Argument", "Command", "Outcome"]

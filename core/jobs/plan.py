@@ -15,14 +15,14 @@ from ..errors import BimVerifyError
 from ..model.elements import BuildingModel
 from ..model.sample_surface import sample_surface
 from ..model.samples import SurfaceSamples
-from ..planning.cover import CoverProblem, greedy, improve, make_problem, prove
+from ..planning.cover import CoverProblem, greedy, improve, make_problem, prove, shared_enough
 from ..planning.existing import Existing, actions_of, clutter_props, start_from
 from ..planning.forecast import forecast
 from ..planning.options import PlanOptions
 from ..planning.quick_start import quick_start
 from ..planning.results import PlanResult, PlanStation
 from ..planning.targets import Targets, choose_elements, pick_targets
-from ..planning.visibility import Requirement, view_matrix
+from ..planning.visibility import Requirement, registrable, view_matrix
 from ..progress import Progress
 from ..quality.options import QualityOptions
 from ..scans.campaign import ScanSource
@@ -37,6 +37,7 @@ SAMPLE_SPACING_M = 0.05
 SAFETY = 0.03
 """Share of the reachable surface planned beyond the target, where it can be had: points stand for surface."""
 LEAST_REACHABLE = 0.02
+LINK_THINNER = 4.0
 SAME_PLACE_M = 0.05
 
 
@@ -120,6 +121,7 @@ def _plan(site: _Site, options: PlanOptions, scanner: Scanner, progress: Progres
     positions, known = site.stands.position, 0
     if existing is not None:
         known = len(existing.positions)
+        # its places come twice: as they were scanned, and to be scanned again with this scanner
         positions = np.concatenate([existing.positions, existing.positions, positions])
     sees = view_matrix(site.scene, positions[known:], targets, scanner, need, progress.part(0.0, 0.6))
     if existing is not None:
@@ -131,9 +133,13 @@ def _plan(site: _Site, options: PlanOptions, scanner: Scanner, progress: Progres
     reach = np.where(reach >= LEAST_REACHABLE, reach, 0.0)
     target = options.coverage * reach
     aim = np.minimum(target + SAFETY * reach, reach) * area * (1.0 - 1e-9)
-    problem = _linked_to_known(make_problem(
-        sees, targets.area, targets.element, aim, options.overlap, range(known)
-    ))
+    # stations are registered by all that they see in common, whether the plan asks for it or not
+    common = pick_targets(site.samples, np.ones(len(model.elements), np.bool_), thinner=LINK_THINNER)
+    scans_share = view_matrix(site.scene, positions, common, scanner, registrable(scanner), progress.part(0.6, 0.8))
+    problem = make_problem(
+        sees, targets.area, targets.element, aim, range(known), shared_enough(scans_share, common.area, options.overlap)
+    )
+    problem = _linked_to_known(problem)
     chosen, heuristic, least, optimal = _solve(problem, site, positions, targets, scanner, need, options)
     watch.lap("solving")
     new = [c for c in chosen if c >= known]
@@ -161,12 +167,6 @@ def _linked_to_known(problem: CoverProblem) -> CoverProblem:
         return problem
     linked = problem.linked.copy()
     linked[np.ix_(known, known)] = True
-    # what they measure well enough stands for what they see: a new station overlaps with them nearly always
-    linked[known, :] = linked[known, :].any(axis=0)[None, :]
-    linked[:, known] = linked[known, :].T
-    if not linked[known][:, len(known) :].any():
-        linked[known, :] = True
-        linked[:, known] = True
     return replace(problem, linked=linked)
 
 

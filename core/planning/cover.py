@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -49,7 +50,8 @@ class CoverProblem:
 
     def parts(self, chosen: Sequence[int]) -> list[list[int]]:
         """The chosen places, by groups that are linked."""
-        left, out = set(int(c) for c in chosen), []
+        left: set[int] = {int(c) for c in chosen}
+        out: list[list[int]] = []
         while left:
             queue, part = [left.pop()], []
             while queue:
@@ -63,15 +65,10 @@ class CoverProblem:
 
 
 def make_problem(
-    sees: NDArray[np.bool_], area: Array, element: NDArray[np.int32], need: Array, overlap: float,
-    known: Sequence[int] = (), linked: NDArray[np.bool_] | None = None,
+    sees: NDArray[np.bool_], area: Array, element: NDArray[np.int32], need: Array, known: Sequence[int],
+    linked: NDArray[np.bool_],
 ) -> CoverProblem:
-    """Group the targets (C, P) that the same places see; ``linked`` follows from shared area unless given."""
-    if linked is None:
-        common = (sees * area.astype(np.float32)) @ sees.T.astype(np.float32)
-        own = np.diag(common)
-        linked = common >= overlap * np.minimum(own[:, None], own[None, :])
-        linked &= common > 0
+    """Group the targets (C, P) that the same places see."""
     some = np.flatnonzero(sees.any(axis=0) & (need[element] > 0))
     packed = np.packbits(sees[:, some], axis=0).T
     key = np.column_stack([packed, element[some].astype(np.int32).view(np.uint8).reshape(-1, 4)])
@@ -81,6 +78,13 @@ def make_problem(
     return CoverProblem(
         sees[:, some[first]], weight, element[some[first]].astype(np.int64), need, linked, np.array(known, dtype=np.int64)
     )
+
+
+def shared_enough(sees: NDArray[np.bool_], area: Array, overlap: float) -> NDArray[np.bool_]:
+    """(C, C) places whose views (C, P) share at least ``overlap`` of the smaller one's area."""
+    common = (sees * area.astype(np.float32)) @ sees.T.astype(np.float32)
+    own = np.diag(common)
+    return np.asarray((common >= overlap * np.minimum(own[:, None], own[None, :])) & (common > 0))
 
 
 def greedy(problem: CoverProblem, first: int | None = None) -> list[int]:
@@ -140,7 +144,7 @@ def _way(problem: CoverProblem, chosen: list[int], gain: Array) -> list[int]:
 
 def improve(problem: CoverProblem, chosen: list[int], rounds: int = 4) -> list[int]:
     """Leave out places that are not needed, then replace two by one, as long as that helps."""
-    fixed = set(int(c) for c in problem.known)
+    fixed = {int(c) for c in problem.known}
     chosen = _prune(problem, chosen, fixed)
     for _ in range(rounds):
         better = _two_by_one(problem, chosen, fixed)
@@ -208,8 +212,6 @@ def prove(problem: CoverProblem, upper: int, seconds: float) -> Proof:
     left = seconds
     least = 0
     while left > 0.2:
-        import time
-
         start = time.perf_counter()
         found = milp(
             cost, constraints=[*cover, *cuts], bounds=Bounds(low, np.ones(places + groups)),

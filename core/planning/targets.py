@@ -49,14 +49,19 @@ def choose_elements(model: BuildingModel, options: PlanOptions) -> NDArray[np.bo
     return chosen
 
 
-def pick_targets(samples: SurfaceSamples, chosen: NDArray[np.bool_], offset: int = 0) -> Targets:
-    """An even selection of the exposed samples of the chosen elements; another ``offset`` gives other points."""
+def pick_targets(
+    samples: SurfaceSamples, chosen: NDArray[np.bool_], offset: int = 0, thinner: float = 1.0
+) -> Targets:
+    """An even selection of the exposed samples of the chosen elements; another ``offset`` gives other points.
+
+    ``thinner``: so many times fewer than usual.
+    """
     rows = np.flatnonzero(samples.exposed & chosen[samples.element])
     element = samples.element[rows]
     count = len(chosen)
     number = np.bincount(element, minlength=count)
     area = np.bincount(element, weights=samples.area[rows], minlength=count)
-    wanted = np.clip(area / AREA_PER_POINT_M2, FEWEST, MOST)
+    wanted = np.clip(area / AREA_PER_POINT_M2, FEWEST, MOST) / thinner
     if wanted[number > 0].sum() > MOST_POINTS:
         wanted *= MOST_POINTS / wanted[number > 0].sum()
     stride = np.maximum(number / np.maximum(wanted, 1.0), 1.0)

@@ -49,6 +49,11 @@ def visibility_only(options: PlanOptions) -> Requirement:
     return Requirement(math.inf, math.inf, math.radians(89.9), math.inf, options.registration_sigma)
 
 
+def registrable(scanner: Scanner) -> Requirement:
+    """What a view must be for surfaces in it to register a scan by."""
+    return Requirement(math.inf, math.inf, math.radians(75.0), scanner.range_max, 0.0)
+
+
 def measured_well(
     scene: Scene, position: Array, targets: Targets, scanner: Scanner, need: Requirement
 ) -> tuple[NDArray[np.bool_], Array, Array]:

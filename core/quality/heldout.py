@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..model.raycast import RayScene
 from ..scans.campaign import ScanSource
 from .faces import Face, main_faces, number_faces
 from .prediction import component_class
@@ -17,7 +18,6 @@ LEAST_FILLED = 0.97
 """Share of its rectangle that a face must fill to have four sides."""
 LEAST_SEEN = 0.9
 SMALLEST_M = 0.08
-FREE_EDGE = 0.5
 
 
 @dataclass(frozen=True)
@@ -63,15 +63,47 @@ def predicted_and_actual(result: QualityResult, source: ScanSource) -> list[Erro
             near &= (place[:, 0] <= face.width + MARGIN_M) & (place[:, 1] <= face.height + MARGIN_M)
             mine.append(point[near])
     pairs = []
+    scene = RayScene(model)
     for face, mine in zip(chosen, points, strict=True):
         quality = result.elements[face.element]
         spacing = quality.measured.spacing or 0.0
-        surface, outline = remodel_face(face, np.concatenate(mine), spacing, gate)
+        surface, sides = remodel_face(face, np.concatenate(mine), spacing, gate)
         kind = component_class(quality.ifc_class)
-        actual = surface if kind == "surface" else float(np.hypot(surface, np.sqrt(2.0) * outline))
+        free = _free_sides(face, scene)
+        if kind == "outline" and not free.any():
+            continue
+        actual = surface if kind == "surface" else float(np.hypot(surface, np.sqrt(2.0) * sides[free].mean()))
         if quality.predicted_error is not None and np.isfinite(actual):
             pairs.append(ErrorPair(kind, quality.predicted_error, actual))
     return pairs
+
+
+def _free_sides(face: Face, scene: RayScene) -> NDArray[np.bool_]:
+    """(4,) the right, left, top and bottom side where the face ends in the air: nothing goes on beyond it or touches it."""
+    along = np.linspace(0.1, 0.9, 9)
+    free = np.zeros(4, dtype=np.bool_)
+    sides = (
+        (np.full(9, face.width), along * face.height, 1.0, 0.0), (np.zeros(9), along * face.height, -1.0, 0.0),
+        (along * face.width, np.full(9, face.height), 0.0, 1.0), (along * face.width, np.zeros(9), 0.0, -1.0),
+    )
+    normal = face.axes[2]
+    for k, (u, v, du, dv) in enumerate(sides):
+        beyond = _points(face, u + 0.02 * du, v + 0.02 * dv, 0.02)
+        inward, _ = scene.first_hit(beyond, np.broadcast_to(-normal, beyond.shape), 0.1)
+        outward = scene.all_hits(beyond, np.broadcast_to(normal, beyond.shape), 50.0, most=1)
+        inside_solid = np.zeros(len(beyond), dtype=np.bool_)
+        if len(outward.distance):
+            inside_solid = (outward.triangle[0] >= 0) & ~outward.entering[0]
+        within = _points(face, u - 0.02 * du, v - 0.02 * dv, 0.02)
+        shown, _ = scene.first_hit(within, np.broadcast_to(-normal, within.shape), 0.025)
+        free[k] = bool((np.isinf(inward) & ~inside_solid & np.isfinite(shown)).all())
+    return free
+
+
+def _points(
+    face: Face, u: NDArray[np.float64], v: NDArray[np.float64], w: float
+) -> NDArray[np.float64]:
+    return face.corner + u[:, None] * face.axes[0] + v[:, None] * face.axes[1] + w * face.axes[2]
 
 
 def compare_errors(pairs: list[ErrorPair]) -> str:

@@ -38,7 +38,7 @@ SIDES_M = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)
 POINTS_PER_CELL = 400_000
 RUNS = (3, 32)
 """Least and most scatters of a cell."""
-VERSION = 3
+VERSION = 4
 BOUNDED_BY_NEIGHBOURS = (
     "IfcWall", "IfcWallStandardCase", "IfcWallElementedCase", "IfcSlab", "IfcSlabStandardCase", "IfcRoof", "IfcCovering",
     "IfcCurtainWall", "IfcFooting", "IfcRamp", "IfcRampFlight", "IfcPavement", "IfcCourse", "IfcEarthworksElement",
@@ -134,7 +134,8 @@ def _simulate(width, height, spacings, noises, shapes, edge_noise, edge_zone, se
             u, v, w = _scatter(width, height, s, first, noises[j], shapes[j], edge_noise, edge_zone)
             if len(u) < 4:
                 continue
-            e_surface, e_outline = remodel(u, v, w, width, height, s, 0.05 + 4.0 * noises[j])
+            e_surface, sides = remodel(u, v, w, width, height, s, 0.05 + 4.0 * noises[j])
+            e_outline = sides.mean()
             if np.isfinite(e_surface) and np.isfinite(e_outline):
                 total_surface += e_surface
                 total_outline += e_outline

@@ -83,33 +83,33 @@ def side_position(along, across, inlier, low, high, spacing):  # type: ignore[no
 
 @njit(cache=True, nogil=True)
 def remodel(u, v, w, width, height, spacing, gate):  # type: ignore[no-untyped-def]
-    """(surface error, outline error) [m] of a rectangle 0..width x 0..height in the plane w = 0 modelled from points.
+    """(surface error, errors of the right, left, top and bottom side) [m] of a rectangle modelled from points.
 
-    The first is the mean distance of the modelled plane from the true one at the four corners, the second the mean
-    distance of the four modelled sides from the true ones. NaN where the points do not carry a model.
+    The rectangle is 0..width x 0..height in the plane w = 0. The first number is the mean distance of the modelled plane
+    from the true one at the corners. NaN where the points do not carry a model.
     """
+    sides = np.full(4, np.nan)
     a0, a1, a2, sigma, used = fit_plane(u, v, w, gate)
     if used < FEWEST:
-        return np.nan, np.nan
+        return np.nan, sides
     surface = 0.25 * (
         abs(a0) + abs(a0 + a1 * width) + abs(a0 + a2 * height) + abs(a0 + a1 * width + a2 * height)
     )
     limit = max(TRIM_SIGMAS * sigma, LEAST_GATE_M)
     inlier = np.abs(w - a0 - a1 * u - a2 * v) <= limit
     inset_u, inset_v = 0.05 * width, 0.05 * height
-    right = side_position(v, u, inlier, inset_v, height - inset_v, spacing)
-    left = -side_position(v, -u, inlier, inset_v, height - inset_v, spacing)
-    top = side_position(u, v, inlier, inset_u, width - inset_u, spacing)
-    bottom = -side_position(u, -v, inlier, inset_u, width - inset_u, spacing)
-    outline = 0.25 * (abs(right - width) + abs(left) + abs(top - height) + abs(bottom))
-    return surface, outline
+    sides[0] = abs(side_position(v, u, inlier, inset_v, height - inset_v, spacing) - width)
+    sides[1] = abs(side_position(v, -u, inlier, inset_v, height - inset_v, spacing))
+    sides[2] = abs(side_position(u, v, inlier, inset_u, width - inset_u, spacing) - height)
+    sides[3] = abs(side_position(u, -v, inlier, inset_u, width - inset_u, spacing))
+    return surface, sides
 
 
-def remodel_face(face: Face, points: Array, spacing: float, gate: float) -> tuple[float, float]:
+def remodel_face(face: Face, points: Array, spacing: float, gate: float) -> tuple[float, Array]:
     """``remodel`` of a planned face from returns (N, 3) [m, local frame] near it."""
     place = (points - face.corner) @ face.axes.T
     u, v, w = (np.ascontiguousarray(place[:, k]) for k in range(3))
     near = (np.abs(w) <= gate) & (u >= -MARGIN_M) & (u <= face.width + MARGIN_M)
     near &= (v >= -MARGIN_M) & (v <= face.height + MARGIN_M)
-    surface, outline = remodel(u[near], v[near], w[near], face.width, face.height, spacing, gate)
-    return float(surface), float(outline)
+    surface, sides = remodel(u[near], v[near], w[near], face.width, face.height, spacing, gate)
+    return float(surface), sides
