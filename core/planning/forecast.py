@@ -69,20 +69,20 @@ def forecast(
         total = max(float(area.sum()), 1e-12)
         covered = (times[own] > 0) & np.isfinite(sigma[own])
         coverage = float(area[times[own] > 0].sum()) / total if len(area) else 0.0
-        spacing = float(np.median(1.0 / np.sqrt(density[own][covered]))) if covered.any() else None
-        noise = float(np.sqrt(np.mean(sigma[own][covered] ** 2))) if covered.any() else None
+        apart = float(np.median(1.0 / np.sqrt(density[own][covered]))) if covered.any() else None
+        spread = float(np.sqrt(np.mean(sigma[own][covered] ** 2))) if covered.any() else None
         error = None
         rectangle = face[row]
-        if rectangle is not None and spacing is not None and noise is not None:
+        if rectangle is not None and apart is not None and spread is not None:
             expected = table_for(rectangle, cache=options.cache).expected(
-                component_class(element.ifc_class), spacing, noise
+                component_class(element.ifc_class), apart, spread
             )
             error = math.hypot(expected, options.registration_sigma) if math.isfinite(expected) else None
         out.append(ElementForecast(
             global_id=element.global_id, ifc_class=element.ifc_class, name=element.name, chosen=bool(chosen[row]),
             reachable=float(reachable[row]), target=float(target[row]), coverage=coverage,
             belief=float((area * belief[own]).sum()) / total if len(area) else 0.0,
-            spacing=spacing, sigma=noise, predicted_error=error,
-            loa=supported_loa(noise, error, coverage, Thresholds.partial_coverage),
+            spacing=apart, sigma=spread, predicted_error=error,
+            loa=supported_loa(spread, error, coverage, Thresholds.partial_coverage),
         ))
     return out

@@ -19,12 +19,10 @@ from .measure import measure
 from .noise import EdgeStudy, GeneralGaussian, OverlapResiduals, fit_general_gaussian
 from .occluders import Blocked, Clutter
 from .options import QualityOptions
-from .prediction import SPACINGS_M, ErrorTable, component_class, table_for
+from .prediction import SPACINGS_M, ErrorTable, component_class, table_for, with_registration
 from .results import ElementQuality, Hidden, Measured, PatchQuality
 from .survey import Survey
 
-MEAN_OF_NORMAL = math.sqrt(2.0 / math.pi)
-"""E|x| of a standard normal variable: registration's part in a mean error."""
 LEAST_HIDDEN_M2 = 0.001
 MOST_HIDDEN = 12
 """Occluders listed per element, largest first."""
@@ -107,8 +105,8 @@ class Assessor:
         if table is None or measured.spacing is None or measured.noise is None:
             return None
         error = table.expected(component_class(ifc_class), measured.spacing, measured.noise)
-        shared = MEAN_OF_NORMAL * self.registration / math.sqrt(max(measured.stations_median or 1.0, 1.0))
-        return math.hypot(error, shared) if math.isfinite(error) else None
+        known = math.isfinite(error)
+        return with_registration(error, self.registration, measured.stations_median) if known else None
 
     def _need(self, table: ErrorTable | None, ifc_class: str, measured: Measured, sigma: float | None) -> Need:
         bound = UPPER_BOUND_M[self.options.loa]

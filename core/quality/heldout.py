@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..model.raycast import RayScene
 from ..scans.campaign import ScanSource
 from .faces import Face, main_faces, number_faces
-from .prediction import component_class
+from .prediction import ComponentClass, table_for, with_registration
 from .remodel import MARGIN_M, remodel_face
 from .results import QualityResult
 
@@ -27,10 +27,12 @@ class ErrorPair:
     kind: str
     predicted: float
     actual: float
+    spacing: float
 
 
 def predicted_and_actual(result: QualityResult, source: ScanSource) -> list[ErrorPair]:
-    """Every element whose main face is a rectangle that was seen almost whole, modelled from its returns.
+    """Every element whose main face is a rectangle that was seen almost whole, modelled from its returns: its plane, and its
+    corners where a side of it ends in the air.
 
     ``source`` are the scans, in the model's frame, of a building that stands as planned, so what the model differs from
     the plan is its error.
@@ -65,16 +67,21 @@ def predicted_and_actual(result: QualityResult, source: ScanSource) -> list[Erro
     pairs = []
     scene = RayScene(model)
     for face, mine in zip(chosen, points, strict=True):
-        quality = result.elements[face.element]
-        spacing = quality.measured.spacing or 0.0
-        surface, sides = remodel_face(face, np.concatenate(mine), spacing, gate)
-        kind = component_class(quality.ifc_class)
-        free = _free_sides(face, scene)
-        if kind == "outline" and not free.any():
+        measured = result.elements[face.element].measured
+        if measured.spacing is None or measured.noise is None:
             continue
-        actual = surface if kind == "surface" else float(np.hypot(surface, np.sqrt(2.0) * sides[free].mean()))
-        if quality.predicted_error is not None and np.isfinite(actual):
-            pairs.append(ErrorPair(kind, quality.predicted_error, actual))
+        table = table_for(face, cache=result.options.cache)
+        surface, sides = remodel_face(face, np.concatenate(mine), measured.spacing, measured.noise, gate)
+        free = _free_sides(face, scene)
+        actual: dict[ComponentClass, float] = {"surface": surface}
+        if free.any():
+            actual["outline"] = float(np.hypot(surface, np.sqrt(2.0) * sides[free].mean()))
+        for kind, error in actual.items():
+            predicted = with_registration(
+                table.expected(kind, measured.spacing, measured.noise), result.registration_sigma, measured.stations_median
+            )
+            if np.isfinite(predicted) and np.isfinite(error):
+                pairs.append(ErrorPair(kind, predicted, error, measured.spacing))
     return pairs
 
 

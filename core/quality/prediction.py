@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ..files import whole_file
 from ..model import tessellation_cache
 from .faces import Face
-from .remodel import remodel
+from .remodel import GATE_NOISES, remodel
 
 Array = NDArray[np.float64]
 ComponentClass = Literal["surface", "outline"]
@@ -38,7 +38,9 @@ SIDES_M = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)
 POINTS_PER_CELL = 400_000
 RUNS = (3, 32)
 """Least and most scatters of a cell."""
-VERSION = 4
+VERSION = 5
+MEAN_OF_NORMAL = math.sqrt(2.0 / math.pi)
+"""E|x| of a standard normal variable."""
 BOUNDED_BY_NEIGHBOURS = (
     "IfcWall", "IfcWallStandardCase", "IfcWallElementedCase", "IfcSlab", "IfcSlabStandardCase", "IfcRoof", "IfcCovering",
     "IfcCurtainWall", "IfcFooting", "IfcRamp", "IfcRampFlight", "IfcPavement", "IfcCourse", "IfcEarthworksElement",
@@ -71,6 +73,11 @@ class ErrorTable:
             return surface
         shrink = min(spacing / SPACINGS_M[0], 1.0)
         return math.hypot(surface, math.sqrt(2.0) * shrink * _interpolate(self.outline, spacing, noise))
+
+
+def with_registration(error: float, registration: float, stations: float | None) -> float:
+    """The error with what the registration of the stations adds to it: they share none, so their mean is better [m]."""
+    return math.hypot(error, MEAN_OF_NORMAL * registration / math.sqrt(max(stations or 1.0, 1.0)))
 
 
 def table_for(face: Face, *, cache: bool = True) -> ErrorTable:
@@ -134,7 +141,7 @@ def _simulate(width, height, spacings, noises, shapes, edge_noise, edge_zone, se
             u, v, w = _scatter(width, height, s, first, noises[j], shapes[j], edge_noise, edge_zone)
             if len(u) < 4:
                 continue
-            e_surface, sides = remodel(u, v, w, width, height, s, 0.05 + 4.0 * noises[j])
+            e_surface, sides = remodel(u, v, w, width, height, s, GATE_NOISES * noises[j])
             e_outline = sides.mean()
             if np.isfinite(e_surface) and np.isfinite(e_outline):
                 total_surface += e_surface

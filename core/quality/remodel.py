@@ -21,14 +21,19 @@ OUTSIDE_SPACINGS = 0.4
 """The edge lies this much beyond the outermost return of a band: half a spacing where rows run along the edge, 0.29
 where they cross it."""
 FEWEST = 12
+GATE_NOISES = 6.0
+"""Returns this many times the noise around the median may lie on the surface."""
 MARGIN_M = 0.06
 """Returns this far outside the planned outline still take part: the built outline may lie there."""
 
 
 @njit(cache=True, nogil=True)
 def fit_plane(u, v, w, gate):  # type: ignore[no-untyped-def]
-    """(a0, a1, a2, sigma, count) of w = a0 + a1 u + a2 v by least squares, twice, the second time without outliers."""
-    a0, a1, a2, sigma, used = 0.0, 0.0, 0.0, 0.0, 0
+    """(a0, a1, a2, sigma, count) of w = a0 + a1 u + a2 v by least squares, from ``gate`` around the median on, then without
+    outliers."""
+    if len(w) < FEWEST:
+        return 0.0, 0.0, 0.0, 0.0, len(w)
+    a0, a1, a2, sigma, used = np.median(w), 0.0, 0.0, 0.0, 0
     for _ in range(3):
         s = su = sv = suu = suv = svv = sw = swu = swv = sww = 0.0
         for i in range(len(u)):
@@ -105,11 +110,11 @@ def remodel(u, v, w, width, height, spacing, gate):  # type: ignore[no-untyped-d
     return surface, sides
 
 
-def remodel_face(face: Face, points: Array, spacing: float, gate: float) -> tuple[float, Array]:
-    """``remodel`` of a planned face from returns (N, 3) [m, local frame] near it."""
+def remodel_face(face: Face, points: Array, spacing: float, noise: float, window: float) -> tuple[float, Array]:
+    """``remodel`` of a planned face from returns (N, 3) [m, local frame] within ``window`` of its plane."""
     place = (points - face.corner) @ face.axes.T
     u, v, w = (np.ascontiguousarray(place[:, k]) for k in range(3))
-    near = (np.abs(w) <= gate) & (u >= -MARGIN_M) & (u <= face.width + MARGIN_M)
+    near = (np.abs(w) <= window) & (u >= -MARGIN_M) & (u <= face.width + MARGIN_M)
     near &= (v >= -MARGIN_M) & (v <= face.height + MARGIN_M)
-    surface, sides = remodel(u[near], v[near], w[near], face.width, face.height, spacing, gate)
+    surface, sides = remodel(u[near], v[near], w[near], face.width, face.height, spacing, GATE_NOISES * noise)
     return float(surface), sides
