@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from ..errors import BimVerifyError
+from ..files import whole_file
 from ..progress import Progress
 from ..results import LEVELS, ElementVerdict, VerificationResult
-from .property_sets import (
-    LONGEST_LABEL,
-    ElementProperties,
-    TypedValue,
-    file_names,
-    put_property_sets,
-    write_property_sets,
-)
+from .load import open_ifc
 
 PSET_NAME = "BimVerify_Verification"
+LONGEST_LABEL = 255
+"""IfcLabel holds at most this many characters."""
+END_OF_FILE = b"END-ISO-10303-21;"
+
+TypedValue = tuple[str, str | float | int | bool | None]
+"""IFC type and value; a length is in metres until it is written."""
 
 
 def write_verified_ifc(
@@ -28,23 +31,45 @@ def write_verified_ifc(
     ``out`` is the source itself, when the source cannot be read, when it holds none of the verified elements, or when
     ``out`` cannot be written; nothing is left behind then.
     """
-    write_property_sets(source_ifc, PSET_NAME, _entries(result), out, progress=progress)
+    source, target = Path(source_ifc), Path(out)
+    if _same_file(source, target):
+        raise BimVerifyError(f"{target} is the input model, which is never written to. Give another output name.")
+    with whole_file(target) as temporary:
+        file = open_ifc(source)
+        if not apply_psets(file, result, progress=progress) and result.verdicts:
+            raise BimVerifyError(f"{source} holds none of the verified elements. Give the model that was verified.")
+        if not _write_whole(file, temporary):
+            raise BimVerifyError(f"Cannot write {target}: the disk is full. Free some space or choose another place.")
 
 
 def apply_psets(ifc_file: Any, result: VerificationResult, *, progress: Progress | None = None) -> int:
-    """Put the verdicts on the elements of an open ``ifcopenshell.file`` and return how many elements were found."""
-    return put_property_sets(ifc_file, PSET_NAME, _entries(result), progress=progress)
+    """Put the verdicts on the elements of an open ``ifcopenshell.file`` and return how many elements were found.
 
+    Elements that the file no longer holds are left out. Each element gets a set of its own: a set that it shares with
+    others stays with the others, duplicates are removed, and an unknown number is no property.
+    """
+    import ifcopenshell.api.pset
+    import ifcopenshell.util.unit
 
-def _entries(result: VerificationResult) -> list[ElementProperties]:
-    source = file_names(result.scan_paths)
-    return [
-        ElementProperties(
-            verdict.global_id, element.step_id,
-            verification_properties(verdict, source, result.scan_date, result.method),
-        )
-        for element, verdict in zip(result.model.elements, result.verdicts, strict=True)
-    ]
+    progress = progress or Progress()
+    unit_m = float(ifcopenshell.util.unit.calculate_unit_scale(ifc_file))
+    require_owner(ifc_file)
+    scan_source = _scan_source(result.scan_paths)
+    found = 0
+    for row, (element, verdict) in enumerate(zip(result.model.elements, result.verdicts, strict=True)):
+        progress.update(row / len(result.verdicts), "Writing property sets")
+        product = element_by_id(ifc_file, verdict.global_id, element.step_id)
+        if product is None:
+            continue
+        found += 1
+        typed = verification_properties(verdict, scan_source, result.scan_date, result.method)
+        properties = {name: _entity(ifc_file, kind, value, unit_m) for name, (kind, value) in typed.items()}
+        pset = own_set(ifc_file, product)
+        if pset is None:
+            pset = ifcopenshell.api.pset.add_pset(ifc_file, product=product, name=PSET_NAME)
+        properties |= {p.Name: None for p in pset.HasProperties or () if p.Name not in properties}
+        ifcopenshell.api.pset.edit_pset(ifc_file, pset=pset, properties=properties, should_purge=True)
+    return found
 
 
 def verification_properties(
@@ -80,4 +105,135 @@ def verification_properties(
     }
 
 
-__all__ = ["LONGEST_LABEL", "PSET_NAME", "apply_psets", "verification_properties", "write_verified_ifc"]
+def _entity(file: Any, kind: str, value: str | float | int | bool | None, unit_m: float) -> Any:
+    """A typed IFC value in the file's unit; None for an unknown or non-finite one."""
+    if value is None or (not isinstance(value, str) and not math.isfinite(value)):
+        return None
+    if kind == "IfcLabel":
+        return file.create_entity(kind, str(value)[:LONGEST_LABEL])
+    if kind == "IfcBoolean":
+        return file.create_entity(kind, bool(value))
+    if kind == "IfcInteger":
+        return file.create_entity(kind, int(value))
+    number = float(value)
+    return file.create_entity(kind, number / unit_m if kind == "IfcLengthMeasure" else min(max(number, 0.0), 1.0))
+
+
+def _scan_source(paths: tuple[str, ...]) -> str:
+    """File names (no folders) as far as a label holds them."""
+    names = list(dict.fromkeys(Path(path).name for path in paths))
+    for kept in range(len(names), 0, -1):
+        more = f" and {len(names) - kept} more" if kept < len(names) else ""
+        label = ", ".join(names[:kept]) + more
+        if len(label) <= LONGEST_LABEL:
+            return label
+    return names[0][:LONGEST_LABEL] if names else ""
+
+
+def element_by_id(file: Any, global_id: str, step_id: int = 0) -> Any | None:
+    """The element, by STEP id first (if given), because some files use a GlobalId twice; None if it is not there."""
+    for key in (step_id, global_id) if step_id else (global_id,):
+        try:
+            found = file[key]
+        except RuntimeError:
+            continue
+        if getattr(found, "GlobalId", None) == global_id:
+            return found
+    return None
+
+
+def own_set(file: Any, product: Any, name: str = PSET_NAME) -> Any | None:
+    """The element's own set of that name, safe to edit without touching anything else; extra and shared ones detached."""
+    import ifcopenshell.api.pset
+
+    own = None
+    for relation, pset in list(_sets(product, name)):
+        if len(relation.RelatedObjects) > 1:
+            relation.RelatedObjects = [o for o in relation.RelatedObjects if o != product]
+        elif file.get_total_inverses(pset) > 1:
+            _remove_relation(file, relation)
+        elif own is None:
+            own = pset
+        else:
+            ifcopenshell.api.pset.remove_pset(file, product=product, pset=pset)
+    if own is not None:
+        _keep_plain_properties(file, own)
+    return own
+
+
+def _sets(product: Any, name: str) -> Iterator[tuple[Any, Any]]:
+    for relation in product.IsDefinedBy or ():
+        if not relation.is_a("IfcRelDefinesByProperties"):
+            continue
+        pset = relation.RelatingPropertyDefinition
+        if pset.is_entity() and pset.is_a("IfcPropertySet") and pset.Name == name:
+            yield relation, pset
+
+
+def _remove_relation(file: Any, relation: Any) -> None:
+    import ifcopenshell.util.element
+
+    history = relation.OwnerHistory
+    file.remove(relation)
+    if history is not None:
+        ifcopenshell.util.element.remove_deep2(file, history)
+
+
+def _keep_plain_properties(file: Any, pset: Any) -> None:
+    """Drop from the set what must not be edited in place: properties of other sets, with a unit, or repeated."""
+    import ifcopenshell.util.element
+
+    keep: dict[str, Any] = {}
+    drop = []
+    for prop in pset.HasProperties or ():
+        shared = file.get_total_inverses(prop) > 1
+        if shared or prop.Name in keep or not prop.is_a("IfcPropertySingleValue") or prop.Unit:
+            drop.append((prop, shared))
+        else:
+            keep[prop.Name] = prop
+    if drop:
+        pset.HasProperties = list(keep.values())
+        for prop, shared in drop:
+            if not shared:
+                ifcopenshell.util.element.remove_deep2(file, prop)
+
+
+def require_owner(file: Any) -> None:
+    """IFC2X3 demands an owner on every set: add a person and an application where the file has none."""
+    if file.schema != "IFC2X3":
+        return
+    import ifcopenshell.api.owner
+
+    if not file.by_type("IfcPersonAndOrganization"):
+        owner = ifcopenshell.api.owner
+        person = owner.add_person(file, identification="bim_verify", family_name="bim_verify", given_name="")
+        organisation = owner.add_organisation(file, identification="bim_verify", name="bim_verify")
+        owner.add_person_and_organisation(file, person=person, organisation=organisation)
+    if not file.by_type("IfcApplication"):
+        ifcopenshell.api.owner.add_application(
+            file, application_full_name="bim_verify", application_identifier="bim_verify"
+        )
+
+
+def _same_file(first: Path, second: Path) -> bool:
+    try:
+        return first.samefile(second)
+    except OSError:
+        return first.resolve() == second.resolve()
+
+
+def _write_whole(file: Any, path: Path) -> bool:
+    """Write the IFC; False when it did not fit.
+
+    Versions of the library raise RuntimeError then and leave a file of their own beside ``path``, or say nothing.
+    """
+    try:
+        file.write(str(path), format=".ifc")
+        with path.open("rb") as stream:
+            stream.seek(max(path.stat().st_size - 64, 0))
+            return END_OF_FILE in stream.read()
+    except (RuntimeError, OSError):
+        for left in path.parent.iterdir():
+            if left.name.startswith(path.name + "."):
+                left.unlink(missing_ok=True)
+        return False

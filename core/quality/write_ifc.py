@@ -7,11 +7,11 @@ from typing import Any
 
 from ..model.property_sets import (
     ElementProperties,
-    TypedValue,
     file_names,
     put_property_sets,
     write_property_sets,
 )
+from ..model.write_psets import TypedValue
 from ..progress import Progress
 from ..sensing.loa import label
 from .results import ElementQuality, QualityResult

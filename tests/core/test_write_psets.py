@@ -149,7 +149,7 @@ def test_input_is_never_written(tmp_path: Path) -> None:
 def test_another_model_is_refused(tmp_path: Path) -> None:
     result = small_result(tmp_path)
     other = make_ifc(tmp_path / "other.ifc")
-    with pytest.raises(BimVerifyError, match="none of the elements"):
+    with pytest.raises(BimVerifyError, match="none of the verified elements"):
         write_verified_ifc(other, result, tmp_path / "out.ifc")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["house.ifc", "other.ifc"]
 
