@@ -11,6 +11,7 @@ from ..core.results import VerificationResult
 from . import frame, project, register, scene, unregister
 from .properties import DEFAULT_DISPLAY_VERTICES
 from .surface_grid import make_display
+from .survey_scene import show_any
 
 
 def save_blend(result: VerificationResult, path: str | Path, *, display_vertices: int = DEFAULT_DISPLAY_VERTICES) -> None:
@@ -19,14 +20,14 @@ def save_blend(result: VerificationResult, path: str | Path, *, display_vertices
     What is open in this process is replaced by a new, empty file. ``display_vertices``: about how many vertices the
     coloured surfaces get together. Raises BimVerifyError when ``path`` cannot be written.
     """
-    display = make_display(result, display_vertices)
     with whole_file(Path(path).absolute()) as temporary:  # Blender has a folder of its own for relative paths
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         ours = not hasattr(bpy.types.Scene, "bim_verify")
         if ours:
             register()
         try:
-            _build(result, display)
+            if not show_any(bpy.context.scene, result, display_vertices):
+                _build(result, make_display(result, display_vertices))
             bpy.ops.wm.save_as_mainfile(filepath=str(temporary), compress=True, copy=True)
         finally:
             if ours:

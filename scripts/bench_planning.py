@@ -224,7 +224,8 @@ def keep_one(folder: Path, title: str, model: BuildingModel, loa: int) -> None:
     )
     for f, v in missed[:5]:
         print(
-            f"    {f.ifc_class} {f.name}: target {f.target:.3f}, forecast {f.coverage:.3f}, verified {v.coverage:.3f}, {v.status}"
+            f"    {f.ifc_class} {f.name}: target {f.target:.3f}, forecast {f.coverage:.3f}, verified {v.coverage:.3f}, "
+            f"{v.status}"
         )
     for f, v in [(f, v) for f, v in asked if v.status != "CONFIRMED"][:8]:
         print(f"    {f.ifc_class} {f.name}: forecast {f.coverage:.2f} LOA{f.loa}, {v.status}: {v.reason}")
