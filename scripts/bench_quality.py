@@ -164,7 +164,7 @@ def errors(folder: Path, models: list[str]) -> None:
     pairs = []
     chosen = [building_model(four_rooms()), load_model(house), *(load_model(path) for path in models)]
     for number, model in enumerate(chosen):
-        for step, noise, unevenness in ((0.1, 0.001, 0.0), (0.2, 0.002, 0.0005), (0.4, 0.004, 0.001)):
+        for step, noise, unevenness in ((0.1, 0.001, 0.0), (0.15, 0.002, 0.0005), (0.25, 0.004, 0.001)):
             campaign = make_campaign(
                 model, seed=100 + number, stations=8, remove_share=0.0, shift_share=0.0, clutter=4,
                 scanner=scanner(angular_step=math.radians(step), sigma_range=noise), pose_noise=(0.001, 2e-5),

@@ -24,7 +24,8 @@ def _simulate(values: Values, progress: Progress) -> Outcome:
         values["model"], values["stations"], values["out"], values["truth"], scanner=values["scanner"],
         seed=values["seed"], clutter=values["clutter"], people=values["people"], remove_share=values["remove_share"],
         shift_share=values["shift_share"], glass=values["glass"], unevenness=values["unevenness_mm"] / 1000,
-        pose_noise=(values["pose_noise_mm"] / 1000, math.radians(values["pose_noise_deg"])), threads=values["threads"], cache=not values["no_cache"], progress=progress,
+        pose_noise=(values["pose_noise_mm"] / 1000, math.radians(values["pose_noise_deg"])), threads=values["threads"],
+        cache=not values["no_cache"], progress=progress,
     )
     return Outcome([f"{written.returns:,} returns: {values['out']}"], {"returns": written.returns, "scan": values["out"]})
 

@@ -18,6 +18,7 @@ LEAST_FILLED = 0.97
 """Share of its rectangle that a face must fill to have four sides."""
 LEAST_SEEN = 0.9
 SMALLEST_M = 0.08
+SEEN_ALONG = 0.98
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ def predicted_and_actual(result: QualityResult, source: ScanSource) -> list[Erro
             continue
         table = table_for(face, cache=result.options.cache)
         surface, sides = remodel_face(face, np.concatenate(mine), measured.spacing, measured.noise, gate)
-        free = _free_sides(face, scene)
+        free = _free_sides(face, scene) & _seen_sides(face, result)
         actual: dict[ComponentClass, float] = {"surface": surface}
         if free.any():
             actual["outline"] = float(np.hypot(surface, np.sqrt(2.0) * sides[free].mean()))
@@ -105,6 +106,18 @@ def _free_sides(face: Face, scene: RayScene) -> NDArray[np.bool_]:
         shown, _ = scene.first_hit(within, np.broadcast_to(-normal, within.shape), 0.025)
         free[k] = bool((np.isinf(inward) & ~inside_solid & np.isfinite(shown)).all())
     return free
+
+
+def _seen_sides(face: Face, result: QualityResult) -> NDArray[np.bool_]:
+    """(4,) the sides beside which returns lie all along."""
+    samples = result.samples
+    own = np.flatnonzero(samples.element == face.element)
+    u, v, w = ((samples.position[own] - face.corner) @ face.axes.T).T
+    on = (np.abs(w) < 0.01) & (samples.normal[own] @ face.axes[2] > 0.9)
+    near_u, near_v = max(0.05, 0.1 * face.width), max(0.05, 0.1 * face.height)
+    seen = result.survey.seen[own]
+    strips = (u > face.width - near_u, u < near_u, v > face.height - near_v, v < near_v)
+    return np.array([bool((on & s).sum() >= 5 and seen[on & s].mean() >= SEEN_ALONG) for s in strips])
 
 
 def _points(

@@ -19,6 +19,10 @@ Array = NDArray[np.float64]
 FEWEST_EDGE_RETURNS = 60
 LEAST_SHAPE, MOST_SHAPE = 0.2, 8.0
 GRAZE = 0.1
+WINSOR = 9.0
+"""A variance between stations counts for no more than this many times the usual one."""
+MEDIAN_OF_CHI2 = 0.455
+"""Of one degree of freedom."""
 
 
 @dataclass(frozen=True)
@@ -109,12 +113,18 @@ class OverlapResiduals:
     freedom: Array
     """Per sample (N,): stations less one; 0 where fewer than two can be compared."""
     station_bias: Array
-    """Per station (S,): root mean square of its offset from the other stations; NaN without overlap."""
+    """Per station (S,): usual size (from the median) of its offset from the other stations; NaN without overlap."""
 
     def between(self, rows: slice | NDArray[np.int64]) -> float:
         """Standard deviation of one station against the others over these samples; NaN without overlap."""
-        freedom = float(self.freedom[rows].sum())
-        return math.sqrt(max(float(self.square[rows].sum()) / freedom, 0.0)) if freedom > 0 else math.nan
+        freedom = self.freedom[rows]
+        known = freedom > 0
+        if not known.any():
+            return math.nan
+        variance = self.square[rows][known] / freedom[known]
+        # where layers lie behind each other, two stations may have fitted different ones
+        limit = WINSOR * max(float(np.median(np.maximum(variance, 0.0))) / MEDIAN_OF_CHI2, 1e-12)
+        return math.sqrt(max(float(np.average(np.minimum(variance, limit), weights=freedom[known])), 0.0))
 
 
 def compare_stations(found: Survey, count: int) -> OverlapResiduals:
@@ -139,5 +149,5 @@ def compare_stations(found: Survey, count: int) -> OverlapResiduals:
         r = row[use]
         if len(r):
             others = (total[r] - offset[use]) / (number[r] - 1)
-            bias[s] = math.sqrt(float(np.mean((offset[use] - others) ** 2)))
+            bias[s] = 1.4826 * float(np.median(np.abs(offset[use] - others)))
     return OverlapResiduals(square, np.where(several, number - 1, 0.0), bias)

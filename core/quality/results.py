@@ -106,7 +106,7 @@ class StationQuality:
     best_view_area: float
     """Surface that it sees better than the others."""
     registration: float | None
-    """Root mean square of its offset from the other stations where they overlap."""
+    """Usual size of its offset from the other stations where they overlap."""
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from ..errors import BimVerifyError
 from ..scans.e57_header import read_headers
 from ..scans.e57_pages import E57Pages
 from ..scans.e57_records import read_records
+from ..scans.write_e57 import extension_uri
 from .scanner import SimulatedReturns
 
 OWNER, MIXED, TRUE_RANGE = "bv:owner", "bv:mixed", "bv:trueRange"
@@ -36,11 +37,11 @@ def read_truth(path: str | Path, station: int) -> dict[str, NDArray]:
         if not 0 <= station < len(headers):
             raise BimVerifyError(f"{path} has {len(headers)} stations, so there is no station {station}.")
         records = headers[station].records
-        names = [name for name in (OWNER, MIXED, TRUE_RANGE) if name in records]
-        if len(names) < 3:
+        names = {name: f"{{{extension_uri('bv')}}}{name.removeprefix('bv:')}" for name in (OWNER, MIXED, TRUE_RANGE)}
+        if not all(name in records for name in names.values()):
             raise BimVerifyError(f"{path} carries no truth of its returns; simulate it with bim-verify.")
         parts: dict[str, list[NDArray]] = {name: [] for name in names}
         for block in read_records(pages, records, list(names.values()), 262_144):
-            for name in names:
-                parts[name].append(np.array(block[name]))
+            for name, field in names.items():
+                parts[name].append(np.array(block[field]))
     return {name: np.concatenate(values) for name, values in parts.items()}

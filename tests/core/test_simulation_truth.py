@@ -26,7 +26,8 @@ ORIGIN = np.array([1000.0, 2000.0, 30.0])
 
 def things() -> Scene:
     """A box before a wall."""
-    shapes = [Prop("", "box", (4.0, 0.0, 1.5), (0.2, 6.0, 3.0)).corners(), Prop("", "box", (2.0, 0.0, 1.5), (0.4, 0.4, 0.4)).corners()]
+    boxes = (Prop("", "box", (4.0, 0.0, 1.5), (0.2, 6.0, 3.0)), Prop("", "box", (2.0, 0.0, 1.5), (0.4, 0.4, 0.4)))
+    shapes = [b.corners() for b in boxes]
     owner = np.repeat(np.arange(2, dtype=np.int32), [len(s) for s in shapes])
     return Scene(np.concatenate(shapes), owner, ["wall", "box"])
 
@@ -41,7 +42,7 @@ def test_every_return_knows_what_it_met(tmp_path: Path) -> None:
     (station,) = source.stations
     offsets = np.concatenate([b.offsets for b in source.blocks()])
     assert len(truth[OWNER]) == len(offsets) == written.returns
-    assert np.allclose(station.position, ORIGIN + [0.0, 0.0, 1.5])
+    assert np.allclose(station.position, ORIGIN + np.array([0.0, 0.0, 1.5]))
     box = truth[OWNER] == 1
     assert 20 < box.sum() < len(box)
     assert (np.abs(offsets[box][:, :2]).max(axis=1) < 2.5).all()
