@@ -13,6 +13,7 @@ NAMES = (
     "align",
     "verify",
     "change",
+    "quality",
     "export",
 )
 

@@ -13,8 +13,11 @@ from .export_other import (
 )
 from .import_ifc import BIMVERIFY_OT_import_ifc
 from .import_scan import BIMVERIFY_OT_import_scan, BIMVERIFY_OT_remove_scan
+from .plan import BIMVERIFY_OT_plan
+from .quality import BIMVERIFY_OT_quality
 from .select_findings import BIMVERIFY_OT_select_findings
 from .show_results import BIMVERIFY_OT_show_results
+from .simulate import BIMVERIFY_OT_simulate
 from .verify import BIMVERIFY_OT_verify
 from .walk_findings import BIMVERIFY_OT_isolate_findings, BIMVERIFY_OT_step_finding
 
@@ -28,6 +31,9 @@ CLASSES = (
     BIMVERIFY_OT_select_findings,
     BIMVERIFY_OT_step_finding,
     BIMVERIFY_OT_isolate_findings,
+    BIMVERIFY_OT_quality,
+    BIMVERIFY_OT_plan,
+    BIMVERIFY_OT_simulate,
     BIMVERIFY_OT_show_results,
     BIMVERIFY_OT_decide,
     BIMVERIFY_OT_export_ifc,

@@ -195,7 +195,7 @@ def gather(
     query = np.ascontiguousarray(query, dtype=np.float64)
     if len(index.returns):
         _gather(
-            query, np.ascontiguousarray(normal, dtype=np.float64), _order_by_direction(query),
+            query, np.ascontiguousarray(normal, dtype=np.float64), order_by_direction(query),
             index.returns, index.bin_start, index.row_start, index.spacing_rad,
             sensor.sigma, sensor.model_sigma, fixed.c, fixed.lam, fixed.kappa,
             out.log_occ, out.log_emp, out.log_unk, out.nearest, out.nearest_dy, out.deviation, out.count,
@@ -204,7 +204,7 @@ def gather(
     return out
 
 
-def _order_by_direction(query: NDArray[np.float64]) -> NDArray[np.int64]:
+def order_by_direction(query: NDArray[np.float64]) -> NDArray[np.int64]:
     """Neighbouring directions one after the other, so that the bins they share stay in the processor's cache."""
     rho = np.hypot(query[:, 0], query[:, 1])
     elevation = (np.arctan2(query[:, 2], rho) * (512 / np.pi)).astype(np.int64)

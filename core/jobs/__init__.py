@@ -1,6 +1,8 @@
 """Files to results: what every face of the project calls. One module a job."""
 
 from .change_detection import change
+from .plan import plan
+from .quality import quality
 from .verification import align_scans, verify
 
-__all__ = ["align_scans", "change", "verify"]
+__all__ = ["align_scans", "change", "plan", "quality", "verify"]

@@ -85,8 +85,11 @@ def apply_property_set(
     import ifcopenshell.util.unit
 
     progress = progress or Progress()
-    unit_m = float(ifcopenshell.util.unit.calculate_unit_scale(ifc_file))
-    volume_m3 = float(ifcopenshell.util.unit.calculate_unit_scale(ifc_file, "VOLUMEUNIT"))
+    units = {
+        "IfcLengthMeasure": float(ifcopenshell.util.unit.calculate_unit_scale(ifc_file)),
+        "IfcVolumeMeasure": float(ifcopenshell.util.unit.calculate_unit_scale(ifc_file, "VOLUMEUNIT")),
+        "IfcPlaneAngleMeasure": float(ifcopenshell.util.unit.calculate_unit_scale(ifc_file, "PLANEANGLEUNIT")),
+    }
     require_owner(ifc_file)
     found = 0
     for row, (step_id, global_id, typed) in enumerate(rows):
@@ -96,8 +99,7 @@ def apply_property_set(
             continue
         found += 1
         properties = {
-            key: _entity(ifc_file, kind, value, volume_m3 if kind == "IfcVolumeMeasure" else unit_m)
-            for key, (kind, value) in typed.items()
+            key: _entity(ifc_file, kind, value, units.get(kind, 1.0)) for key, (kind, value) in typed.items()
         }
         pset = own_set(ifc_file, product, name)
         if pset is None:
@@ -140,8 +142,8 @@ def verification_properties(
     }
 
 
-def _entity(file: Any, kind: str, value: str | float | int | bool | None, unit_m: float) -> Any:
-    """A typed IFC value in the file's unit, which is ``unit_m`` of SI; None for an unknown or non-finite one."""
+def _entity(file: Any, kind: str, value: str | float | int | bool | None, unit: float) -> Any:
+    """A typed IFC value in the file's unit, which is ``unit`` of SI; None for an unknown or non-finite one."""
     if value is None or (not isinstance(value, str) and not math.isfinite(value)):
         return None
     if kind == "IfcLabel":
@@ -151,8 +153,9 @@ def _entity(file: Any, kind: str, value: str | float | int | bool | None, unit_m
     if kind == "IfcInteger":
         return file.create_entity(kind, int(value))
     number = float(value)
-    measured = kind in ("IfcLengthMeasure", "IfcVolumeMeasure")
-    return file.create_entity(kind, number / unit_m if measured else min(max(number, 0.0), 1.0))
+    if kind == "IfcNormalisedRatioMeasure":
+        return file.create_entity(kind, min(max(number, 0.0), 1.0))
+    return file.create_entity(kind, number / unit)
 
 
 def scan_source(paths: tuple[str, ...]) -> str:

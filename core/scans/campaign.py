@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -52,6 +52,8 @@ class ReturnBlock:
     """(N, 3)"""
     row: NDArray[np.int32] | None = None
     column: NDArray[np.int32] | None = None
+    extra: Mapping[str, NDArray] | None = None
+    """Columns of an extension, to be written (int32 or float32): name ``prefix:field`` -> (N,). Readers give none."""
 
 
 @dataclass

@@ -56,6 +56,7 @@ class _Spool:
             columns.update(zip(_COLORS, block.color.T, strict=True))
         if block.row is not None and block.column is not None:
             columns["rowIndex"], columns["columnIndex"] = block.row, block.column
+        columns.update(block.extra or {})
         dtype = np.dtype([(name, values.dtype) for name, values in columns.items()])
         if self.dtype is None:
             self.dtype = dtype
@@ -115,6 +116,8 @@ def _write(path: Path, spools: Sequence[_Spool], scaled_integer_m: float | None)
     try:
         root = image.root()
         image.extensionsAdd("", libe57.E57_V1_0_URI)
+        for prefix in sorted({n.partition(":")[0] for s in spools if s.dtype for n in s.dtype.names or () if ":" in n}):
+            image.extensionsAdd(prefix, extension_uri(prefix))
         whole = hashlib.blake2b(digest_size=16)
         for spool in spools:
             whole.update(spool.digest.digest())
@@ -197,7 +200,7 @@ def _prototype(image: Any, spool: _Spool, names: Sequence[str], scaled_integer_m
             node = libe57.ScaledIntegerNode(image, 0, least, most, scaled_integer_m, 0.0)
         elif name in _AXES:
             node = libe57.FloatNode(image, 0.0, libe57.E57_DOUBLE)
-        elif name == "intensity":
+        elif name == "intensity" or (":" in name and spool.dtype is not None and spool.dtype[name].kind == "f"):
             node = libe57.FloatNode(image, 0.0, libe57.E57_SINGLE)
         elif name in _COLORS:
             node = libe57.IntegerNode(image, 0, 0, 255)
@@ -215,7 +218,7 @@ def _write_points(image: Any, scan: Any, spool: _Spool, names: Sequence[str], sc
     buffers = libe57.VectorSourceDestBuffer()
     arrays = {}
     for name in names:
-        arrays[name] = np.zeros(size, _BUFFER_TYPES.get(name, np.float64))
+        arrays[name] = np.zeros(size, _buffer_type(name, spool))
         buffers.append(libe57.SourceDestBuffer(image, name, arrays[name], size, True, True))
     writer = points.writer(buffers)
     for rows in spool.read():
@@ -223,6 +226,17 @@ def _write_points(image: Any, scan: Any, spool: _Spool, names: Sequence[str], sc
             arrays[name][: len(rows)] = rows[name]
         writer.write(len(rows))
     writer.close()
+
+
+def _buffer_type(name: str, spool: _Spool) -> Any:
+    if ":" in name and spool.dtype is not None:
+        return np.float32 if spool.dtype[name].kind == "f" else np.longlong
+    return _BUFFER_TYPES.get(name, np.float64)
+
+
+def extension_uri(prefix: str) -> str:
+    """The name that an extension of ours has in E57 files; readers give its fields as ``{uri}field``."""
+    return f"urn:bim-verify:e57:{prefix}"
 
 
 def matrix_to_quaternion(matrix: NDArray[np.float64]) -> tuple[float, float, float, float]:

@@ -22,6 +22,7 @@ from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..scans.campaign import ReturnBlock, Station
 from ..scans.write_e57 import write_e57
+from .return_truth import truth_columns
 from .scanner import PRESETS, Scanner, scan_bands
 from .scene import Edit, Glass, Prop, Scene, Unevenness, build_scene, face_axes, thinnest_axis
 from .stand_points import choose_stations, find_stand_points, near_walls, pick_spread
@@ -291,6 +292,7 @@ class _Recorder:
                     intensity=band.intensity,
                     row=band.row,
                     column=band.column,
+                    extra=truth_columns(band),
                 )
             if self.witness is not None and view is not None:
                 self.witness.add(view)

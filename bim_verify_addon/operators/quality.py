@@ -1,0 +1,84 @@
+"""Scan quality: what the scans are worth for every element, what is missing, and why."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty
+
+from ...core.progress import Progress
+from .. import bonsai, project, scene
+from ..jobs import Job, Work
+from ..properties import LOA_ITEMS
+from .file_browser import idle
+
+if TYPE_CHECKING:
+    from ...core.quality.results import QualityResult
+    from ..survey_scene import SurveyDisplay
+
+
+class BIMVERIFY_OT_quality(Job["tuple[QualityResult, SurveyDisplay]"], bpy.types.Operator):
+    """Measure spacing, noise and coverage of the scans on every element, and colour what is missing by its cause."""
+
+    bl_idname = "bim_verify.quality"
+    bl_label = "Scan Quality"
+    bl_description = "Measure spacing, noise and coverage on every element, and colour what is missing by its cause"
+    bl_options = {"REGISTER", "UNDO"}
+    title = "Scan quality"
+
+    loa: EnumProperty(name="Level", items=LOA_ITEMS, default="30", description="Level that the scans should support")
+    coverage: FloatProperty(
+        name="Coverage", default=0.8, min=0.01, max=1.0, subtype="FACTOR",
+        description="Share of an element's surface that should have returns",
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        settings = context.scene.bim_verify
+        if not project.has_model(settings):
+            cls.poll_message_set("Import an IFC model first")
+            return False
+        if not any(scan.use for scan in settings.scans):
+            cls.poll_message_set("Add at least one scan first")
+            return False
+        return idle(cls)
+
+    def prepare(self, context: bpy.types.Context) -> Work[tuple[QualityResult, SurveyDisplay]]:
+        from ...core import jobs
+        from ...core.quality.options import QualityOptions
+        from ..survey_scene import make_survey_display
+
+        settings = context.scene.bim_verify
+        if not self.properties.is_property_set("loa"):
+            self.loa = settings.loa
+        common = project.options(settings)
+        options = QualityOptions(
+            loa=int(self.loa), target_coverage=self.coverage, scan_frame=common.scan_frame, origin=common.origin,
+            threads=common.threads, memory_gb=common.memory_gb,
+        )
+        load, paths, budget = (
+            project.model_loader(context.scene), project.scan_paths(settings), settings.display_vertices,
+        )
+
+        def work(progress: Progress) -> tuple[QualityResult, SurveyDisplay]:
+            model = load(progress.part(0.0, 0.1))
+            result = jobs.quality(model, paths, options, progress.part(0.1, 0.9))
+            return result, make_survey_display(result, budget, progress.part(0.9, 1.0))
+
+        return work
+
+    def finish(self, context: bpy.types.Context, value: tuple[QualityResult, SurveyDisplay]) -> str:
+        from ...core.quality.write_ifc import apply_quality_psets
+        from ..survey_scene import show_quality
+
+        result, display = value
+        live = bonsai.live_file()
+        if live is not None:
+            apply_quality_psets(live, result)
+        project.adopt_frame(context.scene, result.model)
+        message = show_quality(context.scene, result, display)
+        scene.show_colors_in_views()
+        for warning in result.warnings:
+            self.report({"WARNING"}, warning)
+        return message

@@ -1,0 +1,218 @@
+"""Scan quality and scan plans in the scene: elements coloured by what is missing and why, stations with their views."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.planning.results import PlanResult
+from ..core.progress import Progress
+from ..core.quality.json_out import CAUSE_COLORS, sample_causes
+from ..core.quality.results import QualityResult
+from ..core.report.palette import to_linear
+from . import frame, materials, project, scene
+from .surface_grid import FACING_WEIGHT_M, SurfaceGrid, build_grid, edge_lengths
+
+STATIONS = "Stations"
+STATION_KEY = "bim_verify_station"
+"""On each station's marker: its name."""
+COVERED, SPACING = "bv_covered", "bv_spacing"
+CONE_LENGTH_M = 0.6
+CONE_SIDES = 24
+SUMMARY_KEY = "bim_verify_survey"
+"""On the scene: what the last survey or plan found, in one sentence."""
+UNSEEN_GREY = (0.60, 0.64, 0.69)
+
+
+@dataclass(frozen=True)
+class SurveyDisplay:
+    """The surfaces of a survey, ready to be shown; per vertex of the grid."""
+
+    grid: SurfaceGrid
+    color: NDArray[np.float32]
+    """(V, 4) linear"""
+    covered: NDArray[np.float32]
+    """1 where returns lie on it, else 0."""
+    spacing: NDArray[np.float32]
+    """Metres; NaN where there are no returns."""
+
+
+@dataclass(frozen=True)
+class Marker:
+    """A station to be shown. Metres, model frame; angles in radians."""
+
+    name: str
+    position: tuple[float, float, float]
+    elevation_min: float
+    note: str = ""
+    planned: bool = False
+
+
+def make_survey_display(result: QualityResult, budget: int, progress: Progress | None = None) -> SurveyDisplay:
+    """Carry what is known of the query positions to a grid of about ``budget`` vertices; for a worker thread."""
+    from scipy.spatial import cKDTree  # here: enabling the extension must not wait for it
+
+    progress = progress or Progress()
+    grid = build_grid(result.model, edge_lengths(result.model, result.options.sample_spacing, budget), progress.part(0, 0.4))
+    samples = result.samples
+    rows = np.flatnonzero(samples.exposed)
+    causes = sample_causes(result)
+    names = list(CAUSE_COLORS)
+    table = to_linear(np.array([CAUSE_COLORS[name] for name in names]) / 255.0)
+    code = np.array([names.index(cause) for cause in causes], dtype=np.int64)
+    count = len(grid.vertices)
+    color = np.ones((count, 4), dtype=np.float32)
+    color[:, :3] = to_linear(np.array(UNSEEN_GREY))
+    covered, spacing = np.zeros(count, np.float32), np.full(count, np.nan, np.float32)
+    element = samples.element[rows]
+    start = np.searchsorted(element, np.arange(len(result.model.elements) + 1))
+    for e in range(len(result.model.elements)):
+        progress.update(0.4 + 0.6 * e / len(result.model.elements), "Colouring the surface")
+        at = slice(int(grid.vertex_start[e]), int(grid.vertex_start[e + 1]))
+        of = slice(int(start[e]), int(start[e + 1]))
+        if at.start == at.stop or of.start == of.stop:
+            continue
+        own = rows[of]
+        tree = cKDTree(np.hstack([samples.position[own], FACING_WEIGHT_M * samples.normal[own]]))
+        _, nearest = tree.query(np.hstack([grid.vertices[at], FACING_WEIGHT_M * grid.normal[at]]))
+        color[at, :3] = table[code[of][nearest]]
+        covered[at] = code[of][nearest] == 0
+        spacing[at] = result.survey.spacing[own][nearest]
+    return SurveyDisplay(grid, color, covered, spacing)
+
+
+def show_quality(target: bpy.types.Scene, result: QualityResult, display: SurveyDisplay) -> str:
+    """Colour every element by cause, mark the stations, and return one sentence."""
+    existing = scene.element_objects(target)
+    if any(element.global_id not in existing for element in result.model.elements):
+        scene.show_model(target, result.model)
+        existing = scene.element_objects(target)
+    material = materials.surface_material(scene.COLOR)
+    grid = display.grid
+    for index, element in enumerate(result.model.elements):
+        item = existing.get(element.global_id)
+        if item is None:
+            continue
+        at = slice(int(grid.vertex_start[index]), int(grid.vertex_start[index + 1]))
+        of = slice(int(grid.triangle_start[index]), int(grid.triangle_start[index + 1]))
+        middle = np.array(item[frame.ORIGIN_KEY][:]) - result.model.origin
+        mesh = _mesh(scene.object_name(element), grid.vertices[at] - middle, grid.triangles[of] - at.start)
+        scene.set_attribute(mesh, scene.COLOR, "FLOAT_COLOR", display.color[at])
+        scene.set_attribute(mesh, COVERED, "FLOAT", display.covered[at])
+        scene.set_attribute(mesh, SPACING, "FLOAT", display.spacing[at])
+        mesh.color_attributes.active_color_name = scene.COLOR
+        mesh.color_attributes.render_color_index = mesh.color_attributes.active_color_index
+        mesh.materials.append(material)
+        old, item.data = item.data, mesh
+        if old.users == 0:
+            bpy.data.meshes.remove(old)
+        quality = result.elements[index]
+        item["bim_verify_coverage"] = quality.measured.coverage
+        item["bim_verify_gsa_level"] = quality.gsa_level
+        item["bim_verify_actions"] = ", ".join(quality.actions)
+        item["bim_verify_quality"] = quality.reason
+    show_stations(target, [
+        Marker(s.name, s.position, s.elevation_min if s.returns else -math.pi / 3, f"{s.returns:,} returns")
+        for s in result.stations
+    ], planned=False)
+    summary = result.summary()
+    target[SUMMARY_KEY] = (
+        f"{summary['supporting']} of {summary['exposed_elements']} elements support LOA{result.options.loa}; "
+        f"{100 * summary['coverage']:.0f} % of the surface has returns."
+    )
+    return str(target[SUMMARY_KEY])
+
+
+def show_plan(target: bpy.types.Scene, result: PlanResult) -> str:
+    """Mark the planned stations, and return one sentence."""
+    if not scene.element_objects(target):
+        scene.show_model(target, result.model)
+    show_stations(target, [
+        Marker(
+            s.name, s.position, result.scanner.elevation_min,
+            ", ".join(s.actions) or f"measures {s.area:.0f} m2, {s.new_area:.0f} m2 more", planned=True,
+        )
+        for s in result.stations
+    ], planned=True)
+    target[SUMMARY_KEY] = (
+        f"{len(result.stations)} set-ups, {result.minutes:.0f} minutes; at least {result.least} are needed."
+    )
+    return str(target[SUMMARY_KEY])
+
+
+def show_stations(target: bpy.types.Scene, markers: Sequence[Marker], *, planned: bool) -> None:
+    """Markers of the stations; those of an earlier survey (or plan) are replaced.
+
+    A marker is a double cone at the scanner's centre: below it, what the scanner cannot see.
+    """
+    for old in [item for item in target.objects if STATION_KEY in item and bool(item.get("planned")) == planned]:
+        mesh = old.data
+        bpy.data.objects.remove(old)
+        if mesh.users == 0:
+            bpy.data.meshes.remove(mesh)
+    place = frame.stored(target) or frame.ViewFrame()
+    for marker in markers:
+        item = bpy.data.objects.new(marker.name, _cone(marker))
+        item[STATION_KEY] = marker.name
+        item["planned"] = planned
+        item["note"] = marker.note
+        item[frame.ORIGIN_KEY] = [float(v) for v in marker.position]
+        item.show_name = True
+        item.color = (0.17, 0.37, 0.85, 1.0) if planned else (0.95, 0.66, 0.0, 1.0)
+        frame.place(item, place)
+        scene.collection(target, STATIONS).objects.link(item)
+
+
+def station_markers(target: bpy.types.Scene) -> list[tuple[str, NDArray[np.float64]]]:
+    """(name, position (3,) [m, model frame]) of the markers in the scene, planned ones first, where a user moved them to."""
+    place = frame.stored(target) or frame.ViewFrame()
+    items = [item for item in target.objects if STATION_KEY in item]
+    items.sort(key=lambda item: (not item.get("planned"), item.name))
+    return [(item[STATION_KEY], place.to_model(np.array(item.matrix_world.translation))) for item in items]
+
+
+def show_any(target: bpy.types.Scene, result: object, budget: int) -> bool:
+    """Show a survey or a plan in an empty scene (``--blend``); False when it is neither."""
+    if not isinstance(result, (QualityResult, PlanResult)):
+        return False
+    target.bim_verify.model_path = str(Path(result.model.path).resolve())
+    project.adopt_frame(target, result.model)
+    if isinstance(result, QualityResult):
+        show_quality(target, result, make_survey_display(result, budget))
+    else:
+        show_plan(target, result)
+    scene.show_colors_in_views()
+    return True
+
+
+def _cone(marker: Marker) -> bpy.types.Mesh:
+    """The blind cone below the scanner, and a small ball of a scanner above it."""
+    half = max(math.pi / 2 + marker.elevation_min, math.radians(3.0))
+    turn = np.arange(CONE_SIDES) * (2 * math.pi / CONE_SIDES)
+    radius, depth = CONE_LENGTH_M * math.sin(half), CONE_LENGTH_M * math.cos(half)
+    ring = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), np.full(CONE_SIDES, -depth)])
+    head = 0.12 * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=np.float64)
+    vertices = np.concatenate([np.zeros((1, 3)), ring, head])
+    after = np.roll(np.arange(CONE_SIDES), -1)
+    sides = np.column_stack([np.zeros(CONE_SIDES, np.int64), 1 + np.arange(CONE_SIDES), 1 + after])
+    first = 1 + CONE_SIDES
+    ball = first + np.array([[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]])
+    return _mesh(marker.name, vertices, np.concatenate([sides, ball]))
+
+
+def _mesh(name: str, vertices: NDArray[np.float64], triangles: NDArray[np.integer]) -> bpy.types.Mesh:
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(len(vertices))
+    mesh.attributes["position"].data.foreach_set("vector", vertices.astype(np.float32).ravel())
+    mesh.loops.add(3 * len(triangles))
+    mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(triangles, dtype=np.int32).ravel())
+    mesh.polygons.add(len(triangles))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * len(triangles), 3, dtype=np.int32))
+    mesh.update(calc_edges=True)
+    return mesh
