@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 from ..errors import BimVerifyError
 from ..planning.options import PlanOptions
 from ..planning.results import PlanResult
 from ..progress import Progress
+from ..report.plain_page import PAGE
 from .checks import check_folder, check_outputs, parse_origin
 from .table import COMMON, MODEL, ORIGIN, Argument, Command, Outcome, Values
 
@@ -68,15 +70,20 @@ def _plan(values: Values, progress: Progress) -> Outcome:
         lines = [f"The campaign gives LOA{options.loa} wherever a scanner can; no set-up is missing."]
     else:
         lines = plan_lines(result)
-    write_plan_json(values["out"], result)
     lines.append(f"Stations: {values['out']}")
-    if values["csv"]:
-        write_plan_csv(values["csv"], result)
-    if values["ifc"]:
-        write_plan_ifc(values["model"], result, values["ifc"])
     if values["report"]:
-        lines.append(f"Report: {write_plan_report(values['report'], result)}")
-    return Outcome(lines, plan_to_json(result), result)
+        lines.append(f"Report: {Path(values['report']) / PAGE}")
+
+    def write() -> None:
+        write_plan_json(values["out"], result)
+        if values["csv"]:
+            write_plan_csv(values["csv"], result)
+        if values["ifc"]:
+            write_plan_ifc(values["model"], result, values["ifc"])
+        if values["report"]:
+            write_plan_report(values["report"], result)
+
+    return Outcome(lines, plan_to_json(result), result, write)
 
 
 def plan_lines(result: PlanResult) -> list[str]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 from ..errors import BimVerifyError
 from ..progress import Progress
 from ..quality.options import QualityOptions
 from ..quality.results import QualityResult
+from ..report.plain_page import PAGE
 from .checks import check_folder, check_outputs, parse_origin
 from .table import COMMON, MODEL, ORIGIN, SCANS, Argument, Command, Outcome, Values
 
@@ -48,16 +50,20 @@ def _quality(values: Values, progress: Progress) -> Outcome:
     if values["report"]:
         check_folder(values["report"])
     result = quality(values["model"], values["scan"], options, progress.part(0.0, 0.9))
-    write_quality_ifc(values["model"], result, values["out"])
-    lines = quality_lines(result)
-    lines.append(f"Property sets: {values['out']}")
-    if values["patches"]:
-        write_patches(values["patches"], result)
-    if values["samples"]:
-        write_quality_samples(values["samples"], result)
+    lines = [*quality_lines(result), f"Property sets: {values['out']}"]
     if values["report"]:
-        lines.append(f"Report: {write_quality_report(values['report'], result)}")
-    return Outcome(lines, quality_to_json(result), result)
+        lines.append(f"Report: {Path(values['report']) / PAGE}")
+
+    def write() -> None:
+        write_quality_ifc(values["model"], result, values["out"])
+        if values["patches"]:
+            write_patches(values["patches"], result)
+        if values["samples"]:
+            write_quality_samples(values["samples"], result)
+        if values["report"]:
+            write_quality_report(values["report"], result)
+
+    return Outcome(lines, quality_to_json(result), result, write)
 
 
 def quality_lines(result: QualityResult) -> list[str]:

@@ -15,6 +15,7 @@ from ..errors import BimVerifyError
 from ..files import whole_file
 
 FOLDER = Path(__file__).parent
+PAGE = "index.html"
 
 
 @dataclass(frozen=True)
@@ -52,9 +53,9 @@ def write_page(
         title=title, eyebrow=eyebrow, headline=headline, meta=meta, sections=sections, style=style,
         style_hash=f"sha256-{digest}",
     )
-    with whole_file(target / "index.html") as temporary:
+    with whole_file(target / PAGE) as temporary:
         temporary.write_text(page, encoding="utf-8", errors="replace")
-    return target / "index.html"
+    return target / PAGE
 
 
 def millimetres(value: float | None, digits: int = 1) -> str:
