@@ -45,7 +45,7 @@ FOUND_WITHIN_M = 0.03
 
 
 def movements(design: WallDesign) -> dict[str, list[PanelMove]]:
-    """The fifteen: none; settlement and lateral 10, 50, 100 mm; all panels or inner and outer ones turned by 1 and 2 degrees."""
+    """The fifteen: none; settlement and lateral 10, 50, 100 mm; all panels or inner and outer ones turned."""
     out = {"none": uniform(design)}
     for mm in (10, 50, 100):
         out[f"settlement {mm}"] = uniform(design, vertical=-mm / 1000)

@@ -69,7 +69,7 @@ def _dominant_depth(residual: Array, strip: NDArray[np.int64], keys: NDArray[np.
 
 
 def vertical_joints(points: Array, depth: Array, spacing: float) -> Array:
-    """Positions x [m] of the vertical joints of a wall; ``depth`` (N,) behind the wall's smooth surface (positive: recessed)."""
+    """Positions x [m] of the vertical joints of a wall; ``depth`` (N,) behind the wall's smooth surface (recessed > 0)."""
     x, z = points[:, 0], points[:, 2]
     width = max(0.02, 1.1 * spacing)
     bins = max(int(np.ptp(x) / width), 1)
@@ -145,12 +145,13 @@ def horizontal_joints(points: Array, face: Face, spacing: float) -> list[FoundJo
 
 def _main_joints(found: list[FoundJoint]) -> list[FoundJoint]:
     """Without the shallow grooves of a bricked face, where the depths fall in two groups more than a factor of 2 apart."""
-    depths = np.sort([j.depth for j in found])
+    # seen from below or above, a deep joint shows no more than its soffit: beyond 3 cm depths tell nothing
+    depths = np.sort([min(j.depth, 0.03) for j in found])
     if len(depths) < 3:
         return found
     ratio = depths[1:] / np.maximum(depths[:-1], 1e-4)
     k = int(np.argmax(ratio))
-    return [j for j in found if j.depth > depths[k]] if ratio[k] > 2.0 else found
+    return [j for j in found if min(j.depth, 0.03) > depths[k]] if ratio[k] > 2.0 else found
 
 
 def _freedman_diaconis(values: Array) -> float:
