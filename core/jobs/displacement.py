@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -115,7 +116,7 @@ def _columns(wall: Wall, clouds: list[Array], spacing: float) -> tuple[list[tupl
         edges = np.linspace(*ends, count + 1)
     else:
         edges = np.array([ends[0], *_with_pitch(joints), ends[1]])
-    bounds = [(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b - a > NARROWEST_COLUMN_M]
+    bounds = [(a, b) for a, b in itertools.pairwise(edges) if b - a > NARROWEST_COLUMN_M]
     return [(float(a), float(b)) for a, b in bounds], warnings
 
 

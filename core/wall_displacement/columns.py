@@ -30,7 +30,7 @@ class Face:
 
 @dataclass(frozen=True)
 class FoundJoint:
-    """A horizontal joint of one epoch: height, vertical extent, depth [m], and the share of the column's width it was seen on."""
+    """A horizontal joint of one epoch: height, extent, depth [m], and the share of the column's width it was seen on."""
 
     height: float
     low: float
