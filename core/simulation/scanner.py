@@ -179,7 +179,7 @@ def _scan_band(
     low, high = max(first - 1, 0), min(last + 1, scanner.grid.rows)
     halo = np.ascontiguousarray(scanner.directions(low, high).reshape(-1, 3) @ rotation.T)
     seen = scene.cast(position, halo)
-    edge = _edge_cells(
+    edge = edge_cells(
         halo, seen.distance, seen.triangle, scene.normal, high - low, columns, EDGE_STEP_M
     ).reshape(-1, columns)[first - low : last - low].ravel()
     own = slice((first - low) * columns, (last - low) * columns)
@@ -198,7 +198,7 @@ def _scan_band(
     mixed = np.zeros(len(owner), dtype=np.bool_)
     at = np.flatnonzero(edge)
     if len(at):
-        distance[at], owner[at], power[at], intensity[at], mixed[at] = _straddling(
+        distance[at], owner[at], power[at], intensity[at], mixed[at] = straddling(
             scene, position, direction[at], scanner, pane_luck[at]
         )
     if scene.unevenness is not None:
@@ -230,7 +230,7 @@ def _scan_band(
     )
 
 
-def _straddling(
+def straddling(
     scene: Scene,
     position: NDArray[np.float64],
     direction: NDArray[np.float64],
@@ -314,7 +314,7 @@ def _one_range(distance, owner, share, shade, resolution, spread):  # type: igno
 
 
 @njit(cache=True, nogil=True)
-def _edge_cells(direction, distance, triangle, normal, rows, columns, step):  # type: ignore[no-untyped-def]
+def edge_cells(direction, distance, triangle, normal, rows, columns, step):  # type: ignore[no-untyped-def]
     """Which beams have a neighbour (of eight, around the circle) whose hit is off their own surface's plane."""
     edge = np.zeros(rows * columns, dtype=np.bool_)
     for r in range(rows):

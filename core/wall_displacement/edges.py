@@ -1,0 +1,90 @@
+"""Where a joint's edge lies: a ramp from face to recess fitted to samples of both, and how well the samples fix it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+RAMPS_M = (0.0, 0.003, 0.006, 0.01, 0.015, 0.02, 0.03)
+STEP_M = 0.0005
+BLOCKS = 8
+MOST_SAMPLES = 6000
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Heights v (N,) [m] at which rays cross the face, recess q (N,) in 0..1, and the place x (N,) along the joint.
+
+    The recess rises with v; for an upper edge both are mirrored.
+    """
+
+    v: Array
+    q: Array
+    x: Array
+
+
+@dataclass(frozen=True)
+class Edge:
+    """Height of the middle of the ramp [m], and its standard deviation."""
+
+    at: float
+    sigma: float
+
+
+@njit(cache=True, nogil=True)
+def _costs(places, ramp, v, q, weight):  # type: ignore[no-untyped-def]
+    out = np.zeros(places.size)
+    for k in range(places.size):
+        total = 0.0
+        for i in range(v.size):
+            u = v[i] - places[k]
+            model = (1.0 if u > 0 else 0.0) if ramp <= 0.0 else min(max(u / ramp + 0.5, 0.0), 1.0)
+            total += weight[i] * abs(q[i] - model)
+        out[k] = total
+    return out
+
+
+def fit_edges(epochs: list[Samples], low: float, high: float) -> list[Edge]:
+    """One edge per epoch, the ramp's width shared between them; edges are looked for from ``low`` to ``high`` [m]."""
+    epochs = [_thinned(e) for e in epochs]
+    places = np.arange(low, high + STEP_M, STEP_M)
+    best: tuple[float, float, list[Array]] | None = None
+    for ramp in RAMPS_M:
+        costs = [_costs(places, ramp, e.v, e.q, np.ones(len(e.v))) for e in epochs]
+        total = sum(float(c.min()) / max(len(e.v), 1) for c, e in zip(costs, epochs, strict=True))
+        if best is None or total < best[0] - 1e-9:
+            best = (total, ramp, costs)
+    assert best is not None
+    _, ramp, costs = best
+    return [_edge(e, places, c, ramp) for e, c in zip(epochs, costs, strict=True)]
+
+
+def _edge(samples: Samples, places: Array, cost: Array, ramp: float) -> Edge:
+    at = _middle(places, cost)
+    near = np.arange(at - 0.008, at + 0.008 + 1e-9, STEP_M)
+    block = np.minimum((np.argsort(np.argsort(samples.x)) * BLOCKS) // max(len(samples.x), 1), BLOCKS - 1)
+    without = []
+    for k in range(BLOCKS):
+        weight = (block != k).astype(np.float64)
+        without.append(_middle(near, _costs(near, ramp, samples.v, samples.q, weight)))
+    spread = np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((np.array(without) - np.mean(without)) ** 2))
+    below, above = samples.v[samples.q < 0.5], samples.v[samples.q >= 0.5]
+    under = below[below <= at]
+    over = above[above >= at]
+    gap = (over.min() if len(over) else at + 0.05) - (under.max() if len(under) else at - 0.05)
+    return Edge(at, float(np.hypot(spread, max(gap, 0.0) / np.sqrt(12.0))))
+
+
+def _middle(places: Array, cost: Array) -> float:
+    """The middle of the places that fit equally well."""
+    least = np.flatnonzero(cost <= cost.min() + 1e-9)
+    return float(0.5 * (places[least[0]] + places[least[-1]]))
+
+
+def _thinned(samples: Samples) -> Samples:
+    step = max(1, -(-len(samples.v) // MOST_SAMPLES))
+    return Samples(samples.v[::step].copy(), samples.q[::step].copy(), samples.x[::step].copy())

@@ -1,0 +1,196 @@
+"""Joints of two epochs paired and measured, column by column."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .columns import Face, FoundJoint
+from .edges import Edge, Samples, fit_edges
+
+Array = NDArray[np.float64]
+LARGEST_MOVE_M = 0.25
+NEAR_FACE_M = 0.06
+FAR_FACE_M = 0.7
+EDGE_REACH_M = 0.12
+TUKEY = 4.685
+NOT_DETERMINED_M = 0.02
+"""A joint's height that is less certain than this is not stated."""
+
+
+@dataclass(frozen=True)
+class ColumnPoints:
+    """A column in one epoch: points (N, 3) in the column's frame, the position of the station of each (NaN: not known)."""
+
+    points: Array
+    station: Array
+    face: Face
+
+
+@dataclass(frozen=True)
+class FaceLine:
+    """y = at + slope (z - about), and the standard deviation at ``about``."""
+
+    at: float
+    slope: float
+    about: float
+    sigma: float
+
+    def depth(self, z: float | Array) -> float | Array:
+        return self.at + self.slope * (z - self.about)
+
+
+@dataclass(frozen=True)
+class Movement:
+    """Of one paired joint [m]."""
+
+    height: float
+    vertical: float | None
+    vertical_sigma: float | None
+    lateral: float | None
+    lateral_sigma: float | None
+    opening: float | None
+
+
+def pair_joints(base: list[FoundJoint], later: list[FoundJoint]) -> list[tuple[int, int]]:
+    """Pairs of rows, in order of height: the most pairs about one common shift, each near it.
+
+    The shift is voted for among those smaller than ``LARGEST_MOVE_M`` and 45 % of the panels' height; where votes are
+    equal the smaller shift wins, so a joint of a new panel is not taken for an old one.
+    """
+    if not base or not later:
+        return []
+    b, n = np.array([j.height for j in base]), np.array([j.height for j in later])
+    pitch = float(np.median(np.diff(b))) if len(b) > 1 else float(np.median(np.diff(n))) if len(n) > 1 else 1.0
+    most = min(LARGEST_MOVE_M, 0.45 * pitch)
+    shifts = (n[None, :] - b[:, None]).ravel()
+    shifts = shifts[np.abs(shifts) < most]
+    if not len(shifts):
+        return []
+    loose = min(0.08, 0.2 * pitch)
+    votes = [np.sum(np.maximum(1 - np.abs(shifts - s) / loose, 0.0)) - 0.5 * abs(s) / most for s in shifts]
+    common = float(shifts[int(np.argmax(votes))])
+    pairs, used = [], -1
+    for i in range(len(b)):
+        away = np.abs(n - b[i] - common)
+        away[: used + 1] = np.inf
+        k = int(np.argmin(away))
+        if away[k] < loose + 0.5 * abs(common) and abs(n[k] - b[i]) < most:
+            pairs.append((i, k))
+            used = k
+    return pairs
+
+
+def measure_joint(
+    base: ColumnPoints, later: ColumnPoints, first: FoundJoint, second: FoundJoint, room: tuple[float, float]
+) -> Movement:
+    """Movement of a joint between two epochs; ``room`` [m]: free height below and above it to the next joints."""
+    lines: list[list[FaceLine | None]] = []
+    samples: list[list[Samples | None]] = [[], []]
+    for epoch, joint in ((base, first), (later, second)):
+        below = fit_face(epoch, joint.height - min(FAR_FACE_M, room[0]), joint.height - NEAR_FACE_M, joint.height)
+        above = fit_face(epoch, joint.height + NEAR_FACE_M, joint.height + min(FAR_FACE_M, room[1]), joint.height)
+        lines.append([below, above])
+        deep = max(epoch.face.threshold, 0.004)
+        reach = min(EDGE_REACH_M, 0.4 * min(room))
+        samples[0].append(edge_samples(epoch, below, joint.height, reach, deep, rising=True))
+        samples[1].append(edge_samples(epoch, above, joint.height, reach, deep, rising=False))
+    edges: list[list[Edge] | None] = []
+    for k, sign in ((0, 1.0), (1, -1.0)):
+        pair = samples[k]
+        if pair[0] is None or pair[1] is None:
+            edges.append(None)
+            continue
+        found = fit_edges([pair[0], pair[1]], -0.08, 0.04)
+        edges.append([
+            Edge(first.height + sign * found[0].at, found[0].sigma), Edge(second.height + sign * found[1].at, found[1].sigma)
+        ])
+    return _movement(lines, edges, first, second)
+
+
+def _movement(
+    lines: list[list[FaceLine | None]], edges: list[list[Edge] | None], first: FoundJoint, second: FoundJoint
+) -> Movement:
+    shifts = [(e[1].at - e[0].at, float(np.hypot(e[0].sigma, e[1].sigma))) for e in edges if e is not None]
+    vertical = sigma = opening = None
+    if shifts:
+        weight = 1.0 / np.maximum([s for _, s in shifts], 2e-4) ** 2
+        even = len(shifts) == 2 and max(s for _, s in shifts) < 2.5 * min(s for _, s in shifts) + 5e-4
+        share = np.full(2, 0.5) if even else weight / weight.sum()
+        vertical = float(np.dot(share, [d for d, _ in shifts]))
+        sigma = float(np.sqrt(np.dot(share**2, [s**2 for _, s in shifts])))
+        if sigma > NOT_DETERMINED_M:
+            vertical = sigma = None
+    if len(shifts) == 2:
+        opening = shifts[1][0] - shifts[0][0]
+    middles = []
+    for k, joint in ((0, first), (1, second)):
+        ends = [e[k].at for e in edges if e is not None]
+        middles.append(float(np.mean(ends)) if ends else joint.height)
+    sides = []
+    for side in (0, 1):
+        a, b = lines[0][side], lines[1][side]
+        if a is not None and b is not None:
+            change = float(b.depth(middles[1])) - float(a.depth(middles[0]))
+            sides.append((change, float(np.hypot(a.sigma, b.sigma))))
+    lateral = float(np.mean([d for d, _ in sides])) if sides else None
+    lateral_sigma = float(np.sqrt(np.sum([s**2 for _, s in sides])) / len(sides)) if sides else None
+    return Movement(middles[0], vertical, sigma, lateral, lateral_sigma, opening)
+
+
+def fit_face(epoch: ColumnPoints, low: float, high: float, about: float) -> FaceLine | None:
+    """Robust line through the face's points between two heights, as depth at ``about``."""
+    inside = (epoch.points[:, 2] > low) & (epoch.points[:, 2] < high) & (np.abs(epoch.face.residual) < 0.05)
+    y, z = epoch.points[inside, 1], epoch.points[inside, 2] - about
+    if len(y) < 8 or np.ptp(z) < 0.05:
+        return None
+    step = max(1, len(y) // 20_000)
+    y, z = y[::step], z[::step]
+    scale = TUKEY * max(epoch.face.noise, 0.0007)
+    line = np.array([np.median(y), 0.0])
+    design = np.column_stack([np.ones_like(z), z])
+    weight = (epoch.face.residual[inside][::step] > -epoch.face.threshold).astype(np.float64) + 1e-9
+    for k in range(12):
+        root = np.sqrt(weight)
+        line = np.linalg.lstsq(design * root[:, None], y * root, rcond=None)[0]
+        residual = y - design @ line
+        wide = scale * (3.0 if k < 3 else 1.5 if k < 6 else 1.0)
+        weight = np.maximum(1 - (residual / wide) ** 2, 0.0) ** 2
+        if weight.sum() < 8:
+            return None
+    normal = (design * weight[:, None]).T @ design
+    variance = float(np.sum(weight * residual**2) / max(weight.sum() - 2, 1.0))
+    covariance = variance * np.linalg.pinv(normal)
+    # neighbouring points share the surface's unevenness: about one free value per 5 cm square
+    area = np.ptp(z) * np.ptp(epoch.points[inside, 0])
+    alike = max(len(y) / max(area / 0.0025, 1.0), 1.0)
+    return FaceLine(float(line[0]), float(line[1]), about, float(np.sqrt(covariance[0, 0] * min(alike, 25.0))))
+
+
+def edge_samples(
+    epoch: ColumnPoints, line: FaceLine | None, about: float, reach: float, deep: float, *, rising: bool
+) -> Samples | None:
+    """Where rays cross the plane of the face within ``reach`` of ``about``, and how recessed their returns are."""
+    if line is None:
+        return None
+    near = np.abs(epoch.points[:, 2] - about) < reach + 0.15
+    p, s = epoch.points[near], epoch.station[near]
+    ray = p - s
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (line.at + line.slope * (s[:, 2] - about) - s[:, 1]) / (ray[:, 1] - line.slope * ray[:, 2])
+    v = np.where(np.isfinite(share), s[:, 2] + share * ray[:, 2], p[:, 2]) - about
+    x = p[:, 0]
+    q = np.clip(-(p[:, 1] - np.asarray(line.depth(p[:, 2]))) / deep, 0.0, 1.0)
+    side = (v < 0.04 if rising else v > -0.04) & (np.abs(v) < reach)
+    if (q[side] > 0.5).sum() < 2 or (q[side] < 0.5).sum() < 4:
+        return None
+    sign = 1.0 if rising else -1.0
+    # only up to the middle of the recess: beyond it the other edge begins
+    middle = float(np.median(sign * v[(np.abs(v) < reach) & (q > 0.5)]))
+    v, q, x = sign * v[side], q[side], x[side]
+    own = v < middle + 1e-9
+    if (q[own] > 0.5).sum() < 1:
+        return None
+    return Samples(v[own], q[own], x[own])

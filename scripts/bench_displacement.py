@@ -1,0 +1,138 @@
+"""Joint displacements of a simulated panelled wall: 3 distances x 4 incidence angles x 3 resolutions x 15 movements.
+
+    python scripts/bench_displacement.py [--locked] [--relief ridges|plain|bricks] [--chamfer-mm 20] [--quick]
+
+Each movement is scanned anew and compared with a scan of the wall before; the middle column's joints are scored. Prints
+one line per set-up, then the share of the joints' length that was extracted (rounded to quarters per joint), the mean
+error, and last ``worst N mm``: the largest mean error of a column's joints over all cases. ``--locked`` shoots all lines
+of a scan at the same elevations.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+
+import numpy as np
+from headless_entry import package
+
+PACKAGE = package()
+
+from bim_verify.core.jobs.displacement import DisplacementOptions, displacement  # noqa: E402
+from bim_verify.core.scans.campaign import Station  # noqa: E402
+from bim_verify.core.simulation.box_building import ArraySource  # noqa: E402
+from bim_verify.core.simulation.panel_wall import (  # noqa: E402
+    PanelMove,
+    WallDesign,
+    build_wall,
+    joint_shift,
+    leaning,
+    uniform,
+)
+from bim_verify.core.simulation.scanner import Scanner  # noqa: E402
+from bim_verify.core.simulation.wall_scan import scan_window  # noqa: E402
+
+DISTANCES_M = (5.0, 10.0, 30.0)
+INCIDENCES_DEG = (0.0, 10.0, 20.0, 30.0)
+STEPS_DEG = (0.12, 0.06, 0.03)
+SCANNER = Scanner(
+    "long range", np.radians(0.06), sigma_range=0.001, sigma_signal=0.0003, beam_exit_diameter=0.007, beam_divergence=3.5e-4,
+    range_max=200.0,
+)
+HEIGHT_M = 1.75
+FOUND_WITHIN_M = 0.03
+
+
+def movements(design: WallDesign) -> dict[str, list[PanelMove]]:
+    """The fifteen: none; settlement and lateral 10, 50, 100 mm; all panels or inner and outer ones turned."""
+    out = {"none": uniform(design)}
+    for mm in (10, 50, 100):
+        out[f"settlement {mm}"] = uniform(design, vertical=-mm / 1000)
+        out[f"lateral {mm}"] = uniform(design, lateral=mm / 1000)
+    for angle in (1, -1, 2, -2):
+        out[f"tilt {angle}"] = leaning(design, np.radians([angle] * design.rows).tolist())
+        other = {1: 2, -1: -2, 2: 1, -2: -1}[angle]
+        inner = [other, *[angle] * (design.rows - 2), other]
+        out[f"tilts {angle}"] = leaning(design, np.radians(inner).tolist())
+    return out
+
+
+def scanned(design: WallDesign, moves: list[PanelMove], distance: float, incidence: float, step: float, seed: int,
+            locked: bool) -> ArraySource:
+    scene = build_wall(design, dict.fromkeys(range(design.columns), moves))
+    angle = np.radians(incidence)
+    position = np.array([distance * np.sin(angle), distance * np.cos(angle), HEIGHT_M])
+    half = design.panel_width / 2 + 0.35
+    top = design.rows * (design.panel_height + design.joint)
+    offsets = scan_window(
+        scene, position, np.array([-half, 0.0, 0.0]), np.array([half, 0.0, top]),
+        replace(SCANNER, angular_step=np.radians(step)), seed=seed, locked=locked,
+    )
+    return ArraySource((Station("S", position),), (offsets,))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--locked", action="store_true")
+    parser.add_argument("--relief", default="ridges", choices=("ridges", "plain", "bricks"))
+    parser.add_argument("--chamfer-mm", type=float, default=20.0)
+    parser.add_argument("--quick", action="store_true", help="one incidence angle and five movements")
+    arguments = parser.parse_args()
+    design = WallDesign(relief=arguments.relief, chamfer=arguments.chamfer_mm / 1000)
+    cases = movements(design)
+    if arguments.quick:
+        cases = {k: cases[k] for k in ("none", "settlement 50", "lateral 100", "tilt 2", "tilts -2")}
+    extracted, errors, worst_joint, seconds, undetermined, z, count, number = [], [], 0.0, [], 0, [], 0, 0
+    print("distance incidence  step    extracted  mean error  worst case  s a column")
+    for distance in DISTANCES_M:
+        for incidence in INCIDENCES_DEG[1:2] if arguments.quick else INCIDENCES_DEG:
+            for step in STEPS_DEG:
+                number += 1
+                base = scanned(design, uniform(design), distance, incidence, step, 1000 * number, arguments.locked)
+                rows = []
+                for k, (_, moves) in enumerate(cases.items()):
+                    later = scanned(design, moves, distance, incidence, step, 1000 * number + 1 + k, arguments.locked)
+                    begin = time.perf_counter()
+                    result = displacement(base, later, DisplacementOptions())
+                    seconds.append((time.perf_counter() - begin) / max(len(result.columns), 1))
+                    column = min(result.columns, key=lambda c: abs(0.5 * (c.low + c.high) - middle_x(result)))
+                    shares, found = [], []
+                    for row in range(design.rows - 1):
+                        height = design.joint_height(row)
+                        near = [j for j in column.joints
+                                if j.state == "PAIRED" and abs(j.position[2] - height) < FOUND_WITHIN_M]
+                        shares.append(np.round(4 * near[0].completeness_later) / 4 if near else 0.0)
+                        if not near:
+                            continue
+                        joint, true = near[0], joint_shift(design, moves, row)
+                        if joint.vertical is None or joint.lateral is None:
+                            undetermined += 1
+                            continue
+                        error = 1000 * np.array([joint.lateral - true[0], joint.vertical - true[1]])
+                        found.append(np.abs(error).mean())
+                        z += [error[0] / 1000 / joint.lateral_sigma, error[1] / 1000 / joint.vertical_sigma]
+                        worst_joint = max(worst_joint, float(np.abs(error).max()))
+                    count += 1
+                    rows.append((np.mean(shares), np.mean(found) if found else np.nan))
+                extracted += [r[0] for r in rows]
+                errors += [r[1] for r in rows]
+                case = np.array([r[1] for r in rows])
+                print(
+                    f"{distance:6.0f} m {incidence:6.0f} deg {step:6.2f} {np.mean([r[0] for r in rows]):10.3f} "
+                    f"{np.nanmean(case):8.2f} mm {np.nanmax(case):8.2f} mm {seconds[-1]:8.2f}", flush=True,
+                )
+    print(f"{count} cases; joints extracted, mean {np.mean(extracted):.4f}; joints without a vertical movement {undetermined}")
+    print(f"mean error {np.nanmean(errors):.3f} mm; worst single joint and direction {worst_joint:.2f} mm; "
+          f"|error| < 1.96 sigma in {100 * np.mean(np.abs(z) < 1.96):.1f} %; {np.mean(seconds):.2f} s a column")
+    print(f"worst {np.nanmax(errors):.3f} mm")
+
+
+
+def middle_x(result) -> float:  # type: ignore[no-untyped-def]
+    """Along the wall, of the columns' common middle: the scored column stands there."""
+    return 0.5 * (result.columns[0].low + result.columns[-1].high)
+
+
+if __name__ == "__main__":
+    main()
