@@ -1,0 +1,1 @@
+"""Planes in scans and what follows from them (vertices, edges, slopes, distances), with their covariance."""

@@ -1,0 +1,124 @@
+"""Is it plumb, square, parallel, flat? Tests with p-values, against nothing and against the limits of DIN 18202."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2, norm
+
+from .derived import angle_between, plumb_deviation
+from .fit import Plane
+
+Array = NDArray[np.float64]
+
+ANGLE_LIMITS_MM = ((0.5, 3.0), (1.0, 6.0), (3.0, 8.0), (6.0, 12.0), (15.0, 16.0), (30.0, 20.0), (np.inf, 30.0))
+"""DIN 18202:2013 table 2: up to that length [m], this offset [mm] from plumb, level or a right angle."""
+FLATNESS_LIMITS_MM: Mapping[str, tuple[tuple[float, float], ...]] = {
+    "finished floor": ((0.1, 2.0), (1.0, 4.0), (4.0, 10.0), (10.0, 12.0), (15.0, 15.0)),
+    "raw wall": ((0.1, 5.0), (1.0, 10.0), (4.0, 15.0), (10.0, 25.0), (15.0, 30.0)),
+    "finished wall": ((0.1, 3.0), (1.0, 5.0), (4.0, 10.0), (10.0, 20.0), (15.0, 25.0)),
+}
+"""DIN 18202:2013 table 3, rows 3, 5 and 6: distance of the measuring points [m], largest gap [mm]."""
+
+
+@dataclass(frozen=True)
+class Conformity:
+    """A test: ``value`` and ``sigma`` in SI units; ``p_value`` of no deviation at all; ``p_limit`` of keeping the limit."""
+
+    name: str
+    value: float
+    sigma: float
+    p_value: float
+    limit: float
+    p_limit: float
+
+    @property
+    def significant(self) -> bool:
+        """It deviates, at 95 %."""
+        return self.p_value < 0.05
+
+    @property
+    def exceeds(self) -> bool:
+        """It breaks the limit, at 95 %."""
+        return self.p_limit < 0.05
+
+
+def angle_limit(length: float) -> float:
+    """Largest offset [m] allowed over ``length`` [m]."""
+    return next(mm for reach, mm in ANGLE_LIMITS_MM if length <= reach) / 1000.0
+
+
+def plumb(plane: Plane, height: float) -> Conformity:
+    """A wall against the vertical, as an offset [m] over its ``height`` [m]."""
+    lean = plumb_deviation(plane)
+    return _offset("plumb", float(np.tan(lean.value)) * height, lean.sigma * height, angle_limit(height))
+
+
+def orthogonality(first: Plane, second: Plane, length: float) -> Conformity:
+    """Two planes against the right angle, as an offset [m] over ``length`` [m]."""
+    angle = angle_between(first, second)
+    return _offset("orthogonality", (angle.value - np.pi / 2) * length, angle.sigma * length, angle_limit(length))
+
+
+def parallelism(first: Plane, second: Plane, length: float) -> Conformity:
+    """Two planes against being parallel: two turns at once, so the test is a chi-square one with two degrees."""
+    other = second.normal if first.normal @ second.normal > 0 else -second.normal
+    turn = first.axes @ (other - first.normal)
+    across = first.axes @ second.axes.T
+    covariance = first.covariance[:2, :2] + across @ second.covariance[:2, :2] @ across.T
+    size = float(np.linalg.norm(turn))
+    p = float(chi2.sf(turn @ np.linalg.solve(covariance, turn), 2))
+    unit = turn / max(size, 1e-15)
+    sigma = float(np.sqrt(unit @ covariance @ unit)) * length
+    limit = angle_limit(length)
+    return Conformity("parallelism", size * length, sigma, p, limit, float(norm.cdf((limit - size * length) / max(sigma, 1e-15))))
+
+
+def flatness(plane: Plane, points: Array, kind: str = "finished wall", cell: float = 0.1) -> list[Conformity]:
+    """Gaps under a straightedge in both directions of the plane, for each distance of the table that fits.
+
+    Heights are means of cells of ``cell`` metres, so noise is averaged; the gap is that of the middle under the line
+    through two places. The largest of many gaps is tested, with Bonferroni's bound.
+    """
+    q = np.asarray(points) - plane.centroid
+    at, off = q @ plane.axes.T, q @ plane.normal
+    number = ((at - at.min(axis=0)) / cell).astype(np.int64)
+    shape = tuple((number.max(axis=0) + 1).tolist())
+    flat = number[:, 0] * shape[1] + number[:, 1]
+    count = np.bincount(flat, minlength=shape[0] * shape[1]).reshape(shape)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        height = np.bincount(flat, off, shape[0] * shape[1]).reshape(shape) / count
+        square = np.bincount(flat, off**2, shape[0] * shape[1]).reshape(shape) / count
+    enough = count >= 5
+    within = float(np.sqrt(np.median((square - height**2)[enough]))) if enough.any() else 0.0
+    out = []
+    for distance, limit in FLATNESS_LIMITS_MM[kind]:
+        step = max(round(distance / cell / 2), 1)
+        gaps, sigmas = [], []
+        for axis in (0, 1):
+            if shape[axis] <= 2 * step:
+                continue
+            h, n, good = (np.moveaxis(a, axis, 0) for a in (height, count, enough))
+            ok = good[: -2 * step] & good[step:-step] & good[2 * step :]
+            gap = h[step:-step] - 0.5 * (h[: -2 * step] + h[2 * step :])
+            with np.errstate(divide="ignore"):
+                sigma = within * np.sqrt(1.0 / n[step:-step] + 0.25 / n[: -2 * step] + 0.25 / n[2 * step :])
+            gaps.append(np.abs(gap[ok]))
+            sigmas.append(sigma[ok])
+        if not gaps or not sum(len(g) for g in gaps):
+            continue
+        gap, sigma = np.concatenate(gaps), np.maximum(np.concatenate(sigmas), 1e-9)
+        worst = int(np.argmax(gap - limit / 1000.0))
+        p_zero = min(1.0, float((2 * norm.sf(gap / sigma)).min()) * len(gap))
+        p_limit = min(1.0, float(norm.sf((gap - limit / 1000.0) / sigma).min()) * len(gap))
+        out.append(Conformity(f"flatness {distance:g} m", float(gap[worst]), float(sigma[worst]), p_zero, limit / 1000.0, p_limit))
+    return out
+
+
+def _offset(name: str, offset: float, sigma: float, limit: float) -> Conformity:
+    sigma = max(sigma, 1e-15)
+    p_limit = float(norm.cdf((limit - offset) / sigma) - norm.cdf((-limit - offset) / sigma))
+    return Conformity(name, offset, sigma, float(2 * norm.sf(abs(offset) / sigma)), limit, p_limit)
