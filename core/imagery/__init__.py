@@ -1,0 +1,1 @@
+"""Photos and the model: cameras, lines, poses from lines, bundle adjustment."""

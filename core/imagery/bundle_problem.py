@@ -1,0 +1,75 @@
+"""What a bundle adjustment is given: cameras, tie points, control points, and what is free."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BimVerifyError
+from .camera import Camera, Interior
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+INSIDE_NAMES = ("f", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+
+
+@dataclass(frozen=True)
+class ImageObservations:
+    """Where points are seen in images: camera (N,), point (N,), pixel (N, 2) as in the image, sigma (N,) pixels."""
+
+    camera: Ints
+    point: Ints
+    pixel: Floats
+    sigma: Floats
+
+    def __len__(self) -> int:
+        return len(self.camera)
+
+
+@dataclass(frozen=True)
+class Control:
+    """Points with known coordinates: point (K,), coordinates (K, 3) and standard deviations (K, 3), metres."""
+
+    point: Ints
+    coordinates: Floats
+    sigma: Floats
+
+    @staticmethod
+    def none() -> Control:
+        return Control(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
+
+
+@dataclass(frozen=True)
+class BundleProblem:
+    """Cameras that share interiors, points with start coordinates, and what was observed.
+
+    ``inside_of`` (C,) the interior of each camera, ``free`` the names of the interior's parameters to estimate.
+    """
+
+    cameras: tuple[Camera, ...]
+    interiors: tuple[Interior, ...]
+    inside_of: Ints
+    points: Floats
+    """(M, 3) metres."""
+    observed: ImageObservations
+    control: Control = field(default_factory=Control.none)
+    free: tuple[str, ...] = ()
+    point_names: tuple[str, ...] = ()
+
+    def check(self) -> None:
+        """Raise BimVerifyError when indices or numbers cannot be right."""
+        o, m, c = self.observed, len(self.points), len(self.cameras)
+        if not c or not m or not len(o):
+            raise BimVerifyError("A bundle adjustment needs cameras, points and observations; the project has none of one kind.")
+        for name, index, size in (("camera", o.camera, c), ("point", o.point, m), ("point", self.control.point, m)):
+            if len(index) and (index.min() < 0 or index.max() >= size):
+                raise BimVerifyError(f"An observation names {name} {int(index.max())}, but there are {size}; check the project.")
+        if unknown := set(self.free) - set(INSIDE_NAMES):
+            raise BimVerifyError(f"{', '.join(sorted(unknown))} cannot be calibrated; choose from {', '.join(INSIDE_NAMES)}.")
+        if not all(np.isfinite(a).all() for a in (self.points, o.pixel, self.control.coordinates)):
+            raise BimVerifyError("The project holds numbers that are not finite; take those points out.")
+        if not ((o.sigma > 0).all() and (self.control.sigma > 0).all()):
+            raise BimVerifyError("Every observation needs a standard deviation larger than zero.")
