@@ -198,7 +198,7 @@ def findings() -> None:
         planes = {}
         for name in FACES:
             points = face(name, 6000, rng)
-            axis, end = FACES[name]
+            axis, _ = FACES[name]
             waves = rng.normal(0.0, 1.0, (8, 3)) * 2 * np.pi / 1.5
             field = np.cos(points @ waves.T + rng.uniform(0, 6.28, 8)).sum(axis=1) * bumps / 2.0
             points[:, axis] += field

@@ -63,10 +63,10 @@ class BundleProblem:
         """Raise BimVerifyError when indices or numbers cannot be right."""
         o, m, c = self.observed, len(self.points), len(self.cameras)
         if not c or not m or not len(o):
-            raise BimVerifyError("A bundle adjustment needs cameras, points and observations; the project has none of one kind.")
+            raise BimVerifyError("A bundle adjustment needs cameras, points and observations; one of them is missing.")
         for name, index, size in (("camera", o.camera, c), ("point", o.point, m), ("point", self.control.point, m)):
             if len(index) and (index.min() < 0 or index.max() >= size):
-                raise BimVerifyError(f"An observation names {name} {int(index.max())}, but there are {size}; check the project.")
+                raise BimVerifyError(f"An observation names {name} {int(index.max())}, but there are {size}.")
         if unknown := set(self.free) - set(INSIDE_NAMES):
             raise BimVerifyError(f"{', '.join(sorted(unknown))} cannot be calibrated; choose from {', '.join(INSIDE_NAMES)}.")
         if not all(np.isfinite(a).all() for a in (self.points, o.pixel, self.control.coordinates)):

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 Vector = NDArray[np.float64]
 PHOTOGRAMMETRIC = np.diag([1.0, -1.0, -1.0])
 """From the photogrammetric camera frame (x right, y up, z backward) to this one, and back."""
+MOST_ROUNDS = 100
 
 
 @dataclass(frozen=True)
@@ -47,16 +48,16 @@ class Interior:
 
     def undistort(self, pixels: Vector) -> Vector:
         """Ideal pixels (N, 2) of those in the image (N, 2)."""
+        pixels = np.asarray(pixels, dtype=np.float64)
         if not any(self.distortion):
-            return np.asarray(pixels, dtype=np.float64)
-        import cv2
-
-        ten_rounds = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-10)
-        points = np.ascontiguousarray(pixels, dtype=np.float64).reshape(-1, 1, 2)
-        found = cv2.undistortPointsIter(
-            points, self.matrix, np.array(self.distortion), np.eye(3), self.matrix, ten_rounds
-        )
-        return np.asarray(found, dtype=np.float64).reshape(-1, 2)
+            return pixels
+        ideal = pixels
+        for _ in range(MOST_ROUNDS):
+            left = pixels - self.distort(ideal)
+            ideal = ideal + left
+            if np.abs(left).max(initial=0.0) < 1e-9:
+                break
+        return ideal
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from ..errors import BimVerifyError
 from .uncertain_lines import tangent
 
 Vector = NDArray[np.float64]
-MOST_ROUNDS = 30
-SMALL_STEP = 1e-4
+MOST_ROUNDS = 60
+SMALL_STEP = 1e-3
 """A step below this share of the parameters' own standard deviations ends the iteration."""
 
 
@@ -71,7 +71,9 @@ def adjust(
     """
     weight = np.ones(len(observed.line)) if weight is None else np.maximum(weight, 1e-12)
     current = observed
-    for number in range(1, MOST_ROUNDS + 1):
+    rounds = 0
+    for _ in range(MOST_ROUNDS):
+        rounds += 1
         p = parameters.matrix(state)
         a_p, blocks = _jacobians(current, p)
         design = a_p.reshape(-1, 12) @ parameters.jacobian(state)
@@ -96,7 +98,7 @@ def adjust(
     own = cov - np.einsum("nki,ij,nlj->nkl", design, covariance, design)
     test = np.einsum("nk,nkl,nl->n", contradiction, np.linalg.pinv(own, hermitian=True), contradiction)
     factor = float(np.einsum("nk,nkl,nl->", scaled, cov, scaled)) / max(redundancy, 1)
-    return Adjustment(state, covariance, factor, redundancy, test, number)
+    return Adjustment(state, covariance, factor, redundancy, test, rounds)
 
 
 def _jacobians(current: Observations, p: Vector) -> tuple[Vector, tuple[Vector, Vector, Vector]]:

@@ -64,7 +64,7 @@ def estimate_calibrated(
     observation. Raises BimVerifyError when there are too few lines or they do not fix the pose.
     """
     if len(matches) < FEWEST_LINES and prior is None:
-        raise BimVerifyError(f"{start.name}: {len(matches)} matched lines do not fix a pose; at least {FEWEST_LINES} are needed.")
+        raise BimVerifyError(f"{start.name}: {len(matches)} matched lines do not fix a pose; {FEWEST_LINES} are needed.")
     given = _condition(matches)
     back = np.linalg.inv(given.model)
 
@@ -121,11 +121,15 @@ def estimate_projective(matches: LineMatches, start: Camera, *, weight: Vector |
         moved = np.asarray(state) + change
         return np.asarray(moved / np.linalg.norm(moved))
 
+    def unit_length(state: object) -> tuple[Vector, Vector]:
+        p = np.asarray(state)
+        return 2.0 * p[:, None], np.array([float(p @ p) - 1.0])
+
     parameters = Parametrisation(
         matrix=lambda state: np.asarray(state).reshape(3, 4),
         jacobian=lambda state: np.eye(12),
         step=step,
-        constraint=lambda state: (2.0 * np.asarray(state)[:, None], np.array([float(np.asarray(state) @ np.asarray(state)) - 1.0])),
+        constraint=unit_length,
     )
     found = adjust(given.observations, initial / np.linalg.norm(initial), parameters, weight)
     conditioned = np.asarray(found.state).reshape(3, 4)

@@ -74,7 +74,8 @@ def parallelism(first: Plane, second: Plane, length: float) -> Conformity:
     unit = turn / max(size, 1e-15)
     sigma = float(np.sqrt(unit @ covariance @ unit)) * length
     limit = angle_limit(length)
-    return Conformity("parallelism", size * length, sigma, p, limit, float(norm.cdf((limit - size * length) / max(sigma, 1e-15))))
+    p_limit = float(norm.cdf((limit - size * length) / max(sigma, 1e-15)))
+    return Conformity("parallelism", size * length, sigma, p, limit, p_limit)
 
 
 def flatness(plane: Plane, points: Array, kind: str = "finished wall", cell: float = 0.1) -> list[Conformity]:
@@ -114,7 +115,8 @@ def flatness(plane: Plane, points: Array, kind: str = "finished wall", cell: flo
         worst = int(np.argmax(gap - limit / 1000.0))
         p_zero = min(1.0, float((2 * norm.sf(gap / sigma)).min()) * len(gap))
         p_limit = min(1.0, float(norm.sf((gap - limit / 1000.0) / sigma).min()) * len(gap))
-        out.append(Conformity(f"flatness {distance:g} m", float(gap[worst]), float(sigma[worst]), p_zero, limit / 1000.0, p_limit))
+        name = f"flatness {distance:g} m"
+        out.append(Conformity(name, float(gap[worst]), float(sigma[worst]), p_zero, limit / 1000.0, p_limit))
     return out
 
 
