@@ -9,7 +9,6 @@ import bpy
 from ...core.quality.json_out import CAUSE_COLORS
 from .. import survey_scene
 from ..capability import Capability, Step, StepState
-from ..properties import DEFAULT_DISPLAY_VERTICES
 from ..text import wrapped
 
 
@@ -32,7 +31,7 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 def show(scene: bpy.types.Scene, result: Any) -> bool:
     """Put a survey or a plan into the scene; False if the result is neither."""
-    return survey_scene.show_any(scene, result, DEFAULT_DISPLAY_VERTICES)
+    return survey_scene.show_any(scene, result, scene.bim_verify.display_vertices)
 
 
 CAPABILITY = Capability("quality", Step("quality", "Quality", _state, _draw, optional=True), show=show)
