@@ -6,7 +6,6 @@ from typing import Any
 
 import bpy
 
-from ...core.quality.json_out import CAUSE_COLORS
 from .. import survey_scene
 from ..capability import Capability, Step, StepState
 from ..text import wrapped
@@ -26,7 +25,6 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         wrapped(layout.box(), context, item["bim_verify_quality"])
     elif item is not None and survey_scene.STATION_KEY in item:
         wrapped(layout.box(), context, f"{item[survey_scene.STATION_KEY]}: {item['note']}")
-    wrapped(layout, context, f"Colours: {', '.join(CAUSE_COLORS)}.")
 
 
 def show(scene: bpy.types.Scene, result: Any) -> bool:
