@@ -6,18 +6,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.planning.results import PlanResult
 from ..core.progress import Progress
-from ..core.quality.json_out import CAUSE_COLORS, sample_causes
-from ..core.quality.results import QualityResult
 from ..core.report.palette import to_linear
 from . import frame, materials, project, scene
 from .surface_grid import FACING_WEIGHT_M, SurfaceGrid, build_grid, edge_lengths
+
+if TYPE_CHECKING:
+    from ..core.planning.results import PlanResult
+    from ..core.quality.results import QualityResult
 
 STATIONS = "Stations"
 STATION_KEY = "bim_verify_station"
@@ -57,6 +59,8 @@ class Marker:
 def make_survey_display(result: QualityResult, budget: int, progress: Progress | None = None) -> SurveyDisplay:
     """Carry what is known of the query positions to a grid of about ``budget`` vertices; for a worker thread."""
     from scipy.spatial import cKDTree  # here: enabling the extension must not wait for it
+
+    from ..core.quality.json_out import CAUSE_COLORS, sample_causes
 
     progress = progress or Progress()
     grid = build_grid(result.model, edge_lengths(result.model, result.options.sample_spacing, budget), progress.part(0, 0.4))
@@ -179,6 +183,9 @@ def station_markers(target: bpy.types.Scene) -> list[tuple[str, NDArray[np.float
 
 def show_any(target: bpy.types.Scene, result: object, budget: int) -> bool:
     """Show a survey or a plan in an empty scene (``--blend``); False when it is neither."""
+    from ..core.planning.results import PlanResult  # here: enabling the extension must not wait for its libraries
+    from ..core.quality.results import QualityResult
+
     if not isinstance(result, (QualityResult, PlanResult)):
         return False
     target.bim_verify.model_path = str(Path(result.model.path).resolve())

@@ -147,14 +147,18 @@ def normalized_errors(result: VerificationResult, truth: dict[str, Any]) -> tupl
 def believed_and_true(result: VerificationResult, truth: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     """Belief of every position in view, and whether the surface really stands within the level's bound there."""
     bound = UPPER_BOUND_M[result.options.loa]
-    standing = []
-    for verdict in result.verdicts:
+    offset, known = np.full((len(result.verdicts), 3), np.nan), np.zeros(len(result.verdicts), dtype=bool)
+    for row, verdict in enumerate(result.verdicts):
         fact = truth["elements"].get(verdict.global_id)
-        standing.append(np.nan if fact is None else float(fact["edit"] != "remove" and abs(fact["offset"]) <= bound))
-    of = np.array(standing)[result.samples.element]
+        if fact is not None:
+            known[row] = True
+            offset[row] = np.inf if fact["edit"] == "remove" else fact["offset"] * np.array(fact["direction"])
+    of = result.samples.element
+    with np.errstate(invalid="ignore"):
+        across = np.abs(np.einsum("ij,ij->i", offset[of], result.samples.normal))
     evidence = result.evidence
-    seen = result.samples.exposed & (evidence.m_unk < 0.5) & ~np.isnan(of)
-    return evidence.m_occ[seen].astype(np.float64), of[seen]
+    seen = result.samples.exposed & (evidence.m_unk < 0.5) & known[of]
+    return evidence.m_occ[seen].astype(np.float64), (across[seen] <= bound).astype(np.float64)
 
 
 if __name__ == "__main__":

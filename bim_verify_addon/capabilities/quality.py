@@ -6,10 +6,8 @@ from typing import Any
 
 import bpy
 
-from ...core.quality.json_out import CAUSE_COLORS
 from .. import survey_scene
 from ..capability import Capability, Step, StepState
-from ..properties import DEFAULT_DISPLAY_VERTICES
 from ..text import wrapped
 
 
@@ -27,12 +25,11 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         wrapped(layout.box(), context, item["bim_verify_quality"])
     elif item is not None and survey_scene.STATION_KEY in item:
         wrapped(layout.box(), context, f"{item[survey_scene.STATION_KEY]}: {item['note']}")
-    wrapped(layout, context, f"Colours: {', '.join(CAUSE_COLORS)}.")
 
 
 def show(scene: bpy.types.Scene, result: Any) -> bool:
     """Put a survey or a plan into the scene; False if the result is neither."""
-    return survey_scene.show_any(scene, result, DEFAULT_DISPLAY_VERTICES)
+    return survey_scene.show_any(scene, result, scene.bim_verify.display_vertices)
 
 
 CAPABILITY = Capability("quality", Step("quality", "Quality", _state, _draw, optional=True), show=show)
