@@ -28,6 +28,7 @@ from .bundle_problem import INSIDE_NAMES, BundleProblem
 from .camera import Camera, Interior
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 MOST_ROUNDS = 50
 ENOUGH = 1e-10
 """Relative decrease of the weighted squares that ends the iteration."""
@@ -155,10 +156,10 @@ class _Workspace:
         self.insides = np.array([_inside_row(i) for i in self.interiors])
 
     @property
-    def _seen(self) -> tuple[Floats, ...]:
+    def _seen(self) -> tuple[Floats, Floats, Floats, Ints, Floats]:
         return (
             self.rotations, self.positions, self.insides, np.asarray(self.problem.inside_of, dtype=np.int64), self.points,
-        )  # type: ignore[return-value]
+        )
 
     def left(self) -> Floats:
         return residuals(*self._seen, self.camera, self.point, self.pixel)

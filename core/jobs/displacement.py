@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,7 +56,7 @@ def displacement(
     with limited_threads(options.threads):
         watch = Stopwatch()
         sources = [open_scans(s, origin=options.origin) if isinstance(s, Sequence) else s for s in (base, later)]
-        origin = np.round(np.array(sources[0].stations[0].position, dtype=np.float64))
+        origin: Array = np.round(sources[0].stations[0].position).astype(np.float64)
         epochs = [
             read_epoch(s, origin, options.memory_gb, progress.part(0.25 * k, 0.25 * (k + 1))) for k, s in enumerate(sources)
         ]
@@ -173,7 +173,7 @@ def _column(
 
 def _joints(
     number: int, middle: float, epochs: list[ColumnPoints], found: list[list[FoundJoint]], registration_sigma: float,
-    place,  # type: ignore[no-untyped-def]
+    place: Callable[[float], tuple[float, float, float]],
 ) -> list[JointDisplacement]:
     pairs = pair_joints(found[0], found[1])
     joints = []

@@ -122,7 +122,7 @@ def angle_between(first: Plane, second: Plane) -> Estimate:
     variance = (
         second.normal @ _normal_covariance(first) @ second.normal + first.normal @ _normal_covariance(second) @ first.normal
     )
-    return Estimate(float(np.arccos(cosine)), float(np.sqrt(max(variance, 0.0))) / sine)
+    return Estimate(float(np.arccos(cosine)), float(np.sqrt(max(float(variance), 0.0))) / sine)
 
 
 def distance_between(first: Plane, second: Plane, place: Array | None = None) -> Estimate:

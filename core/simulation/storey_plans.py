@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from .storeys import Furniture, PlannedOpening, PlannedStorey, PlannedWall
+from .storeys import Filling, Furniture, PlannedOpening, PlannedStorey, PlannedWall
 
 
-def door(at: float, width: float = 0.9, height: float = 2.1, filling: str = "ajar") -> PlannedOpening:
+def door(at: float, width: float = 0.9, height: float = 2.1, filling: Filling = "ajar") -> PlannedOpening:
     """A door: closed, ajar (standing open) or none (an opening without a leaf)."""
-    return PlannedOpening(at, width, 0.0, height, filling)  # type: ignore[arg-type]
+    return PlannedOpening(at, width, 0.0, height, filling)
 
 
 def window(at: float, width: float = 1.4, sill: float = 0.9, height: float = 1.3) -> PlannedOpening:
@@ -44,7 +44,7 @@ def offices() -> PlannedStorey:
         "Ground floor", 2.7, outline, 0.36,
         {0: (window(2.0), window(7.2, 1.8), window(11.6)), 1: (window(2.0, 1.0), window(7.2)),
          2: (window(3.5, 2.0), window(10.0)), 3: (window(1.6, 1.0, 1.0, 1.2), door(4.3, 1.0, 2.1, "closed"))},
-        walls, rooms, (), furniture,  # type: ignore[arg-type]
+        walls, rooms, (), furniture,
         ((2.6, 2.4, 1.55), (7.3, 2.0, 1.6), (11.4, 2.2, 1.5), (3.5, 4.6, 1.6), (10.2, 4.8, 1.6), (3.4, 6.8, 1.55),
          (9.0, 7.9, 1.6), (12.6, 6.3, 1.5)),
     )
@@ -74,7 +74,7 @@ def slanted() -> PlannedStorey:
         "Ground floor", 2.95, outline, 0.30,
         {0: (window(3.0, 2.2, 0.6, 1.8), window(8.2, 1.2)), 1: (window(2.4, 1.6),),
          3: (door(2.2, 1.1, 2.2, "closed"),), 4: (window(1.6, 1.0), window(5.0, 1.0)), 5: (window(2.2), window(6.8, 1.8))},
-        walls, rooms, ((3.9, 3.6, 0.3, 0.3), (8.0, 2.4, 0.35, 0.35)), furniture,  # type: ignore[arg-type]
+        walls, rooms, ((3.9, 3.6, 0.3, 0.3), (8.0, 2.4, 0.35, 0.35)), furniture,
         ((1.8, 3.3, 1.5), (4.8, 1.4, 1.6), (7.6, 1.3, 1.6), (10.2, 3.6, 1.55), (1.4, 6.5, 1.5), (4.8, 7.4, 1.6)),
     )
 
@@ -104,6 +104,6 @@ def flat() -> PlannedStorey:
         "Upper floor", 2.5, outline, 0.24,
         {0: (window(3.6, 1.6), window(6.9, 1.2)), 1: (window(1.8, 1.2), window(5.6)),
          2: (window(1.6, 1.2), window(4.6, 2.0, 0.5, 1.7)), 3: (window(1.2, 0.6, 1.4, 0.7), window(5.2, 1.6))},
-        walls, rooms, (), furniture,  # type: ignore[arg-type]
+        walls, rooms, (), furniture,
         ((2.0, 2.8, 1.5), (3.8, 4.7, 1.6), (1.7, 5.4, 1.5), (6.0, 2.6, 1.6), (6.6, 5.4, 1.55)),
     )

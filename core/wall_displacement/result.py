@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import dataclasses
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -99,7 +100,7 @@ class DisplacementResult:
     base_date: str
     later_date: str
     warnings: tuple[str, ...] = ()
-    timings: dict[str, float] = field(default_factory=dict)
+    timings: dict[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def joints(self) -> tuple[JointDisplacement, ...]:

@@ -106,7 +106,7 @@ def spacing_on(points: Array) -> float:
         if np.median(count) >= 8:
             break
         edge *= 1.5
-    return float(edge / np.sqrt(max(np.median(count), 1.0)))
+    return float(edge / np.sqrt(max(float(np.median(count)), 1.0)))
 
 
 def _has_company(points: Array) -> NDArray[np.bool_]:
