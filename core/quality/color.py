@@ -50,7 +50,9 @@ class _Picture:
         first, second = (_edges(p / np.maximum(self.count, 1), known) for p in (self.color, self.shade))
         if first.std() < 1e-9 or second.std() < 1e-9:
             return None
-        found = np.fft.irfft2(np.fft.rfft2(first) * np.conj(np.fft.rfft2(second)), s=first.shape)
+        cross = np.fft.rfft2(first) * np.conj(np.fft.rfft2(second))
+        size = np.abs(cross)
+        found = np.fft.irfft2(cross / np.maximum(size, 1e-9 * size.max()), s=first.shape)  # phases alone: a sharp peak
         peak = np.unravel_index(int(np.argmax(found)), found.shape)
         if (found[peak] - found.mean()) / found.std() < LEAST_PEAK:
             return None

@@ -11,11 +11,11 @@ import ifcopenshell
 import ifcopenshell.util.element
 import numpy as np
 import pytest
-from scipy import ndimage
 
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.jobs import quality
 from bim_verify.core.progress import Progress
+from bim_verify.core.quality import prediction
 from bim_verify.core.quality.color import study_color
 from bim_verify.core.quality.field_of_view import FieldOfViewCounter
 from bim_verify.core.quality.levels import Need, corrective_actions, gsa_level, supported_loa
@@ -42,6 +42,18 @@ ROOM = [
     box("screen", (3.0, 0.0, 0.0), (3.1, 2.0, 2.8)),
 ]
 STATIONS = np.array([[1.5, 2.5, 1.5], [1.8, 3.4, 1.4]])
+
+
+@pytest.fixture(autouse=True)
+def one_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All sizes share one table of errors: making all of them takes a minute."""
+    monkeypatch.setattr(prediction, "make_table", lambda width, height: shared_table())
+    monkeypatch.setattr(prediction, "_made", {})
+
+
+@cache
+def shared_table() -> prediction.ErrorTable:
+    return make_table(0.4, 0.4)
 
 
 def campaign(scanner: Scanner = SCANNER, props: tuple[Prop, ...] = (), edits: dict[int, Edit] | None = None) -> Campaign:
@@ -215,8 +227,7 @@ class ColoredSource(ArraySource):
     def blocks(self, block_size: int = 262_144, *, attributes: bool = False):  # type: ignore[no-untyped-def]
         rows, columns = np.meshgrid(np.arange(120), np.arange(160), indexing="ij")
         random = np.random.default_rng(2)
-        picture = ndimage.gaussian_filter(random.random((120, 160)), 3.0, mode="wrap")
-        picture = (picture - picture.min()) / np.ptp(picture)
+        picture = np.kron(random.random((12, 16)), np.ones((10, 10)))
         grey = (255 * np.roll(picture, self.shift, axis=1)).astype(np.uint8).ravel()
         yield ReturnBlock(
             0, np.ones((rows.size, 3)), intensity=picture.ravel().astype(np.float32), color=np.repeat(grey[:, None], 3, axis=1),

@@ -1,0 +1,172 @@
+"""Planning: the covering problem against its optimum, limits of views, plans that are kept when simulated, files."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import itertools
+import json
+import math
+from pathlib import Path
+
+import ifcopenshell
+import numpy as np
+import pytest
+
+from bim_verify.core.errors import BimVerifyError
+from bim_verify.core.jobs import plan, verify
+from bim_verify.core.options import VerifyOptions
+from bim_verify.core.planning.cover import greedy, improve, make_problem, prove, shared_enough
+from bim_verify.core.planning.options import PlanOptions
+from bim_verify.core.planning.outputs import OBJECT_TYPE, write_plan_csv, write_plan_ifc, write_plan_json
+from bim_verify.core.planning.report import write_plan_report
+from bim_verify.core.planning.targets import Targets, pick_targets
+from bim_verify.core.planning.visibility import Requirement, measured_well
+from bim_verify.core.quality import prediction
+from bim_verify.core.scans.campaign import Station
+from bim_verify.core.simulation.box_building import ArraySource, box, building_model
+from bim_verify.core.simulation.scanner import PRESETS, scan_station
+from bim_verify.core.simulation.scene import build_scene
+from bim_verify.core.simulation.stations_file import read_stations
+
+ROOM = [
+    box("floor", (-0.2, -0.2, -0.2), (6.2, 5.2, 0.0)), box("ceiling", (-0.2, -0.2, 2.8), (6.2, 5.2, 3.0)),
+    box("south", (0.0, -0.2, 0.0), (6.0, 0.0, 2.8)), box("north", (0.0, 5.0, 0.0), (6.0, 5.2, 2.8)),
+    box("west", (-0.2, -0.2, 0.0), (0.0, 5.2, 2.8)), box("east", (6.0, -0.2, 0.0), (6.2, 5.2, 2.8)),
+    box("screen", (3.0, 0.0, 0.0), (3.1, 3.0, 2.8)),
+]
+SCANNER = dataclasses.replace(PRESETS["medium"], angular_step=math.radians(0.5))
+OPTIONS = PlanOptions(cache=False, candidates=80, solve_seconds=10.0)
+
+
+@pytest.fixture(autouse=True)
+def one_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected errors of all sizes from one small table: making all of them takes a minute."""
+    table = prediction.ErrorTable(
+        np.full((len(prediction.SPACINGS_M), len(prediction.NOISES_M)), 0.001),
+        np.full((len(prediction.SPACINGS_M), len(prediction.NOISES_M)), 0.002),
+    )
+    monkeypatch.setattr(prediction, "make_table", lambda width, height: table)
+    monkeypatch.setattr(prediction, "_made", {})
+
+
+def random_problem(seed: int):  # type: ignore[no-untyped-def]
+    random = np.random.default_rng(seed)
+    sees = random.random((9, 40)) < 0.3
+    area, element = random.uniform(0.5, 2.0, 40), random.integers(0, 3, 40).astype(np.int32)
+    reach = np.bincount(element[sees.any(axis=0)], weights=area[sees.any(axis=0)], minlength=3)
+    return make_problem(sees, area, element, 0.8 * reach, (), shared_enough(sees, area, 0.2))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_exact_solution_is_the_smallest_linked_one(seed: int) -> None:
+    problem = random_problem(seed)
+    smallest = next(
+        (k for k in range(1, 10) if any(problem.satisfied(c) for c in itertools.combinations(range(9), k))), None
+    )
+    start = improve(problem, greedy(problem))
+    proof = prove(problem, len(start), 20.0)
+    assert smallest is not None
+    assert problem.satisfied(start) and len(start) <= smallest + 1
+    assert proof.least <= smallest
+    if proof.chosen is not None:
+        assert problem.satisfied(proof.chosen) and len(proof.chosen) == smallest == proof.least
+
+
+def test_known_places_cost_nothing_and_stay() -> None:
+    problem = random_problem(1)
+    known = dataclasses.replace(problem, known=np.array([0, 1]))
+    chosen = improve(known, greedy(known))
+    assert {0, 1} <= set(chosen)
+    assert len(chosen) - 2 <= len(improve(problem, greedy(problem)))
+
+
+def test_views_are_limited_by_range_incidence_spacing_and_what_stands_between() -> None:
+    scene = build_scene(building_model(ROOM))
+    point = np.array([[0.0, 2.0, 1.5], [5.999, 2.0, 1.5], [1.5, 0.0, 1.5], [0.0, 4.9, 1.5]])
+    normal = np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [1.0, 0, 0]])
+    targets = Targets(np.arange(4), point, normal, np.ones(4), np.arange(4, dtype=np.int32))
+    station = np.array([2.0, 1.0, 1.5])
+    free = Requirement(1.0, 1.0, math.radians(89.0), 50.0, 0.0)
+
+    def seen(need: Requirement) -> list[bool]:
+        return list(measured_well(scene, station, targets, SCANNER, need)[0])
+
+    assert seen(free) == [True, False, True, True]
+    assert seen(dataclasses.replace(free, max_incidence=math.radians(60.0))) == [True, False, True, False]
+    assert seen(dataclasses.replace(free, range_max=2.0)) == [False, False, True, False]
+    assert seen(dataclasses.replace(free, spacing=0.015)) == [False, False, True, False]
+    assert seen(dataclasses.replace(free, bound=0.001)) == [False] * 4
+
+
+def test_a_plan_is_kept_when_it_is_simulated_and_verified(tmp_path: Path) -> None:
+    model = building_model(ROOM, origin=(100.0, 200.0, 5.0))
+    result = plan(model, dataclasses.replace(OPTIONS, classes=("IfcBuildingElementProxy",)))
+    assert result.least <= len(result.stations) <= result.heuristic
+    write_plan_json(tmp_path / "stations.json", result)
+    stations = read_stations(tmp_path / "stations.json")
+    assert stations.scanner == result.scanner
+    assert [s.name for s in stations.stations] == [s.name for s in result.stations]
+    scene, offsets, setups = build_scene(model), [], []
+    for k, s in enumerate(stations.stations):
+        returns = scan_station(scene, s.position - model.origin, np.eye(3), SCANNER, k)
+        offsets.append(returns.offset)
+        setups.append(Station(s.name, s.position))
+    verified = verify(
+        model, ArraySource(tuple(setups), tuple(offsets)), VerifyOptions(sigma=0.0015, sample_spacing=0.1, cache=False)
+    )
+    asked = [(f, v) for f, v in zip(result.forecasts, verified.verdicts, strict=True) if f.target > 0]
+    assert len(asked) == len(ROOM)
+    for forecast, verdict in asked:
+        assert forecast.coverage >= forecast.target - 0.05
+        assert verdict.coverage >= forecast.target
+        assert verdict.belief_occupied == pytest.approx(forecast.belief, abs=0.1)
+
+
+def test_a_plan_adds_to_a_campaign_what_it_lacks() -> None:
+    model = building_model(ROOM)
+    scene = build_scene(model)
+    position = np.array([1.5, 2.5, 1.5])
+    scanner = dataclasses.replace(SCANNER, angular_step=math.radians(0.4))
+    source = ArraySource((Station("first", position),), (scan_station(scene, position, np.eye(3), scanner, 1).offset,))
+    elements = tuple(e.global_id for e in model.elements if e.name in ("south", "east", "screen"))
+    alone = plan(model, dataclasses.replace(OPTIONS, elements=elements))
+    more = plan(model, dataclasses.replace(OPTIONS, elements=elements, spacing=0.06), scans=source)
+    assert more.existing == ("first",)
+    assert 0 < len(more.stations) <= len(alone.stations)
+    assert any("AO" in s.actions for s in more.stations)
+
+
+def test_files_of_a_plan(tmp_path: Path) -> None:
+    from bim_verify.core.simulation.house import write_demo_house
+
+    write_demo_house(tmp_path / "house.ifc")
+    options = dataclasses.replace(OPTIONS, classes=("IfcColumn",), solve_seconds=2.0, candidates=60)
+    result = plan(tmp_path / "house.ifc", options)
+    write_plan_csv(tmp_path / "plan.csv", result)
+    lines = list(csv.reader((tmp_path / "plan.csv").read_text(encoding="utf-8-sig").splitlines()))
+    assert len(lines) == 1 + len(result.stations)
+    write_plan_ifc(tmp_path / "house.ifc", result, tmp_path / "plan.ifc")
+    file = ifcopenshell.open(str(tmp_path / "plan.ifc"))
+    marks = [a for a in file.by_type("IfcAnnotation") if a.ObjectType == OBJECT_TYPE]
+    assert len(marks) == len(result.stations)
+    place = marks[0].ObjectPlacement.RelativePlacement.Location.Coordinates
+    assert np.array(place) * result.model.length_unit_m == pytest.approx(result.stations[0].position)
+    page = write_plan_report(tmp_path / "report", result).read_text(encoding="utf-8")
+    assert "<svg" in page and "http" not in page.replace("http-equiv", "")
+    write_plan_json(tmp_path / "plan.json", result)
+    assert json.loads((tmp_path / "plan.json").read_text())["summary"]["stations"] == len(result.stations)
+
+
+def test_no_such_elements_is_an_error() -> None:
+    with pytest.raises(BimVerifyError, match="none of the elements asked for"):
+        plan(building_model(ROOM), dataclasses.replace(OPTIONS, classes=("IfcPump",)))
+
+
+def test_targets_stand_for_the_whole_exposed_surface() -> None:
+    from bim_verify.core.model.sample_surface import sample_surface
+
+    samples = sample_surface(building_model(ROOM), 0.1)
+    targets = pick_targets(samples, np.ones(len(ROOM), np.bool_))
+    exposed = np.bincount(samples.element, weights=samples.area * samples.exposed)
+    assert np.bincount(targets.element, weights=targets.area) == pytest.approx(exposed)
