@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, label
+from scipy.ndimage import distance_transform_edt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from ..planes.cloud import Cloud
 from ..planes.surfels import Surfels
@@ -23,6 +25,8 @@ FILL_M = 0.6
 """The ceiling is taken to go on this far beyond where it was seen."""
 SLAB_M = (0.04, 0.36)
 """The air that decides about rooms: this far below the ceiling, above doors and most furniture."""
+STEP_M = 0.2
+"""A step of the ceiling that parts rooms: the head of a door is that much lower, unevenness and slopes are not."""
 MOST_RAYS = 4_000_000
 LEAST_PASSES = 2
 LEAST_ROOM_M2 = 0.6
@@ -77,10 +81,27 @@ def make_plan(cloud: Cloud, surfels: Surfels, storey: Storey) -> PlanRaster:
         upright = (np.abs(inside.normal[:, 2]) < 2 * UPRIGHT) & (height > above - SLAB_M[1] - 0.1) & (height < above - 0.02)
     barrier[cell[upright, 0], cell[upright, 1]] = True
     air = (free >= LEAST_PASSES) & ~barrier
-    rooms, count = label(air)
-    size = np.bincount(rooms.ravel(), minlength=count + 1) * CELL_M**2
+    rooms = _connected(air, ceiling)
+    size = np.bincount(rooms.ravel()) * CELL_M**2
     rooms[size[rooms] < LEAST_ROOM_M2] = 0
-    return PlanRaster(low, CELL_M, ceiling, floor, air, rooms.astype(np.int32))
+    return PlanRaster(low, CELL_M, ceiling, floor, air, rooms)
+
+
+def _connected(air: NDArray[np.bool_], ceiling: Array) -> NDArray[np.int32]:
+    """Number of the connected piece of air of each cell, 0 for none; a step of the ceiling (the head of a door) parts."""
+    number = np.full(air.shape, -1, dtype=np.int64)
+    number[air] = np.arange(int(air.sum()))
+    pairs = []
+    for a, b in ((np.s_[1:, :], np.s_[:-1, :]), (np.s_[:, 1:], np.s_[:, :-1])):
+        with np.errstate(invalid="ignore"):
+            joined = air[a] & air[b] & (np.abs(ceiling[a] - ceiling[b]) < STEP_M)
+        pairs.append(np.stack([number[a][joined], number[b][joined]]))
+    i, j = np.concatenate(pairs, axis=1)
+    count = int(air.sum())
+    graph = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(count, count))
+    out = np.zeros(air.shape, dtype=np.int32)
+    out[air] = connected_components(graph, directed=False)[1] + 1
+    return out
 
 
 def _ceiling(

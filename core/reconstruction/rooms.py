@@ -169,10 +169,7 @@ def _without_doubles(lines: list[_Line]) -> list[_Line]:
 
 def _missing_sides(lines: list[_Line], centres: Array) -> list[_Line]:
     """Where the room ends without a wall that was seen: lines at the end of its free cells."""
-    if lines:
-        main = lines[0].normal
-    else:
-        main = np.array([1.0, 0.0])
+    main = lines[0].normal if lines else np.array([1.0, 0.0])
     out = []
     for n in (main, -main, np.array([-main[1], main[0]]), np.array([main[1], -main[0]])):
         end = float(np.quantile(centres @ n, 0.002)) - 0.5 * 0.06
