@@ -1,4 +1,4 @@
-"""Where rays meet the face of a wall: returns on it, and rays that went through it."""
+"""Where rays meet the face of a wall: returns on it, rays that went through it, and those stopped in front of it."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 BAND_M = 0.012
 """Least half-width of the band about the face whose returns lie on it."""
 GRAZING_COS = 0.08
+HIDDEN_M = 6.0
+"""A return this far before a face still hides it."""
 CHUNK = 65_536
 
 
@@ -25,7 +27,7 @@ class Crossings:
     u: Array
     z: Array
     depth: Array
-    """(N,) metres behind the face; about 0 for a return on it."""
+    """(N,) metres behind the face; about 0 for a return on it, negative for one in front that hides it."""
     end_u: Array
     end_z: Array
     """(N,) place of the return itself."""
@@ -34,7 +36,7 @@ class Crossings:
 
     def on_face(self, band: float) -> NDArray[np.bool_]:
         """(N,) the return lies on the face."""
-        return self.depth < band
+        return np.abs(self.depth) <= band
 
     def __len__(self) -> int:
         return len(self.u)
@@ -44,12 +46,15 @@ def cross(
     cloud: Cloud, normal: Array, offset: float, along: Array, u: tuple[float, float], z: tuple[float, float],
     band: float = BAND_M,
 ) -> Crossings:
-    """Rays that reach the part u, z of the upright plane ``normal`` . (x, y) = ``offset`` from the side of the normal."""
+    """Rays towards the part u, z of the upright plane ``normal`` . (x, y) = ``offset`` from the side of the normal.
+
+    Rays that end in front of it are followed to it, up to HIDDEN_M.
+    """
     chunks = -(-len(cloud.points) // CHUNK)
     counts = np.zeros(chunks, dtype=np.int64)
     arguments = (
         cloud.points, cloud.station, cloud.stations, np.ascontiguousarray(normal), float(offset),
-        np.ascontiguousarray(along), u[0], u[1], z[0], z[1], band, GRAZING_COS, CHUNK,
+        np.ascontiguousarray(along), u[0], u[1], z[0], z[1], band, HIDDEN_M, GRAZING_COS, CHUNK,
     )
     nothing, rows = np.zeros((0, 5)), np.zeros(0, dtype=np.int64)
     _cross(*arguments, counts, np.zeros(chunks, dtype=np.int64), nothing, rows, False)
@@ -60,7 +65,9 @@ def cross(
 
 
 @njit(parallel=True, cache=True, nogil=True)
-def _cross(points, station, stations, n, c, along, u0, u1, z0, z1, band, grazing, chunk, counts, begin, values, rows, write):  # type: ignore[no-untyped-def]
+def _cross(  # type: ignore[no-untyped-def]
+    points, station, stations, n, c, along, u0, u1, z0, z1, band, hidden, grazing, chunk, counts, begin, values, rows, write
+):
     front = np.empty(len(stations))
     for s in range(len(stations)):
         front[s] = stations[s, 0] * n[0] + stations[s, 1] * n[1] - c
@@ -72,10 +79,10 @@ def _cross(points, station, stations, n, c, along, u0, u1, z0, z1, band, grazing
                 continue
             p = points[i]
             d = p[0] * n[0] + p[1] * n[1] - c
-            if d > band:
+            if d > hidden or d > front[o] - 0.05:
                 continue
             t = 1.0
-            if d < -band:
+            if d < -band or d > band:
                 t = front[o] / (front[o] - d)
             dx, dy, dz = p[0] - stations[o, 0], p[1] - stations[o, 1], p[2] - stations[o, 2]
             u = (stations[o, 0] + t * dx) * along[0] + (stations[o, 1] + t * dy) * along[1]
