@@ -64,8 +64,13 @@ def shapes_of(file: Any, name: str = "") -> dict[str, list[Shape]]:
                 if not product.VoidsElements or not product.VoidsElements[0].RelatingBuildingElement.is_a("IfcWall"):
                     continue
                 host = product.VoidsElements[0].RelatingBuildingElement.GlobalId
+            body = product
+            if kind in ("doors", "windows") and product.FillsVoids:
+                # a leaf may stand open: the opening says where the door is
+                body = product.FillsVoids[0].RelatingOpeningElement
+                host = body.VoidsElements[0].RelatingBuildingElement.GlobalId if body.VoidsElements else ""
             try:
-                shape = ifcopenshell.geom.create_shape(settings, product)
+                shape = ifcopenshell.geom.create_shape(settings, body)
             except RuntimeError:
                 continue
             vertices = np.array(shape.geometry.verts, dtype=np.float64).reshape(-1, 3)
