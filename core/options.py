@@ -63,3 +63,11 @@ class ChangeOptions(InputOptions):
     """Distance between query positions on planned surfaces, metres."""
     date: str = ""
     """Day of the last epoch, for scans that do not say it (ISO 8601)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReconstructOptions(InputOptions):
+    """Options of ``jobs.reconstruct``. Lengths in metres."""
+
+    sigma: float = 0.0025
+    """Standard deviation of one return along its ray, metres."""

@@ -3,6 +3,7 @@
 from .change_detection import change
 from .plan import plan
 from .quality import quality
+from .reconstruct import reconstruct
 from .verification import align_scans, verify
 
-__all__ = ["align_scans", "change", "plan", "quality", "verify"]
+__all__ = ["align_scans", "change", "plan", "quality", "reconstruct", "verify"]

@@ -34,7 +34,7 @@ def open_campaign(
     Raises BimVerifyError when a station has no position, or one at which no scanner can have stood.
     """
     source = open_scans(scans, origin=options.origin) if isinstance(scans, Sequence) else scans
-    _check_stations(source)
+    check_stations(source)
     if options.origin is None:
         _check_stated_origins(source)
     return to_model_frame(model, source, options.scan_frame)
@@ -67,7 +67,8 @@ def limited_threads(wanted: int) -> Iterator[None]:
         numba.set_num_threads(before)
 
 
-def _check_stations(source: ScanSource) -> None:
+def check_stations(source: ScanSource) -> None:
+    """Raise BimVerifyError when a station has no position."""
     unknown = [s.name for s in source.stations if not s.known]
     if unknown:
         files = ", ".join(Path(p).name for p in source.paths)

@@ -217,13 +217,13 @@ class _StoreyMaker:
                 bar(u0 + f, u1 - f, 0.02, o.sill + f, o.height - 2 * f, "glass"),
             ]
             return self.builder.add("IfcWindow", name, parts, self.container)
-        f = 0.05
+        f, depth = 0.05, min(0.08, wall.left + wall.right - 0.04)
         parts = [
-            bar(u0, u0 + f, 0.08, 0.0, o.height, "oak"), bar(u1 - f, u1, 0.08, 0.0, o.height, "oak"),
-            bar(u0 + f, u1 - f, 0.08, o.height - f, f, "oak"),
+            bar(u0, u0 + f, depth, 0.0, o.height, "oak"), bar(u1 - f, u1, depth, 0.0, o.height, "oak"),
+            bar(u0 + f, u1 - f, depth, o.height - f, f, "oak"),
         ]
         if o.filling == "closed":
-            parts.append(bar(u0 + f, u1 - f, 0.04, 0.01, o.height - f - 0.01, "oak"))
+            parts.append(bar(u0 + f, u1 - f, min(0.04, depth), 0.01, o.height - f - 0.01, "oak"))
         else:
             hinge = u0 + f
             side = wall.left + 0.01

@@ -1,0 +1,73 @@
+"""``bim-verify reconstruct``: scans to a building model."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ..errors import BimVerifyError
+from ..options import ReconstructOptions
+from ..progress import Progress
+from .checks import check_folder, check_outputs, parse_origin
+from .table import COMMON, ORIGIN, SCANS, Argument, Command, Outcome, Values
+
+
+def reconstruct_options(values: Values) -> ReconstructOptions:
+    """Options of a reconstruction from a command's values."""
+    for key in ("sigma_mm", "memory_gb"):
+        if not 0 < values[key] < math.inf:
+            raise BimVerifyError(f"--{key.replace('_', '-')} must be a number larger than zero, not {values[key]:g}.")
+    if values["threads"] < 0:
+        raise BimVerifyError(f"--threads must be zero (all) or more, not {values['threads']}.")
+    return ReconstructOptions(
+        sigma=values["sigma_mm"] / 1000, origin=parse_origin(values["origin"]), threads=values["threads"],
+        memory_gb=values["memory_gb"],
+    )
+
+
+def _reconstruct(values: Values, progress: Progress) -> Outcome:
+    from ..jobs import reconstruct
+    from ..reconstruction.compare import compare, comparison_lines, comparison_to_json
+    from ..reconstruction.report import write_reconstruction_report
+    from ..reconstruction.shapes import read_shapes, shapes_of
+    from ..reconstruction.summary import reconstruction_to_json, summary_lines
+    from ..reconstruction.write_ifc import building_file, write_reconstruction
+
+    options = reconstruct_options(values)
+    inputs = [*values["scan"], *([values["compare"]] if values["compare"] else [])]
+    check_outputs(inputs, [values["out"]])
+    if values["report"]:
+        check_folder(values["report"])
+    reference = read_shapes(values["compare"]) if values["compare"] else None
+    result = reconstruct(values["scan"], options, progress.part(0.0, 0.95))
+    lines = summary_lines(result)
+    data: dict[str, Any] = reconstruction_to_json(result)
+    comparison = None
+    if reference is not None:
+        comparison = compare(shapes_of(building_file(result), values["out"]), reference)
+        lines += comparison_lines(comparison)
+        data["comparison"] = comparison_to_json(comparison)
+    lines.append(f"Model: {values['out']}")
+
+    def write() -> None:
+        write_reconstruction(values["out"], result)
+        if values["report"]:
+            write_reconstruction_report(values["report"], result, comparison)
+
+    return Outcome(lines, data, result, write)
+
+
+COMMAND = Command(
+    "reconstruct",
+    "make a building model (IFC4) from scans: rooms, walls, openings, columns, slabs",
+    (
+        SCANS,
+        Argument("--out", "IFC file to write", required=True),
+        Argument("--compare", "reference IFC file that the model is compared with"),
+        Argument("--sigma-mm", "standard deviation of one return along its ray, millimetres", float, 2.5),
+        ORIGIN,
+        Argument("--report", "folder for the report (one HTML page)"),
+        *COMMON,
+    ),
+    _reconstruct,
+)

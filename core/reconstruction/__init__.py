@@ -1,0 +1,1 @@
+"""Scan to IFC: storeys, rooms, walls with openings, columns, slabs; and the comparison of two models."""

@@ -1,0 +1,132 @@
+"""What a reconstruction found: plain records, local frame (scan frame minus ``origin``), metres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely import Polygon
+
+from .joins import Join
+from .openings import Opening
+
+Array = NDArray[np.float64]
+
+MEASURED, REVEAL, ASSUMED = "MEASURED", "REVEAL", "ASSUMED"
+
+
+@dataclass(frozen=True)
+class FitRecord:
+    """How well an element is known; written as ``BimVerify_Reconstruction``."""
+
+    fit_mean: float | None
+    """Mean absolute distance of its returns from its faces, metres."""
+    fit_sigma: float | None
+    quality: float
+    """Share of its surface that was seen, 0..1."""
+    position_sigma: float | None
+    """Standard deviation of its place (a wall's axis, a slab's surface), metres."""
+    thickness_source: str
+    returns: int = 0
+
+
+@dataclass(frozen=True)
+class BuiltWall:
+    """A wall with parallel faces."""
+
+    start: Array
+    end: Array
+    """(2,) of the axis."""
+    thickness: float
+    footprint: Polygon
+    base: float
+    top: float
+    openings: tuple[Opening, ...]
+    """Places along the axis from ``start``."""
+    joins: tuple[Join | None, Join | None]
+    rooms: tuple[int, ...]
+    external: bool
+    fit: FitRecord
+    lean: float = 0.0
+    """Of its faces from the vertical, rad."""
+    lean_sigma: float = 0.0
+
+    @property
+    def length(self) -> float:
+        """Metres."""
+        return float(np.linalg.norm(self.end - self.start))
+
+    @property
+    def along(self) -> Array:
+        """(2,) unit vector."""
+        return np.asarray((self.end - self.start) / max(self.length, 1e-9))
+
+
+@dataclass(frozen=True)
+class BuiltColumn:
+    """A column from floor to ceiling."""
+
+    footprint: Polygon
+    radius: float
+    base: float
+    top: float
+    fit: FitRecord
+
+
+@dataclass(frozen=True)
+class BuiltSlab:
+    """A level slab."""
+
+    footprint: Polygon
+    top: float
+    thickness: float
+    kind: str
+    """FLOOR, BASESLAB or ROOF."""
+    fit: FitRecord
+
+
+@dataclass(frozen=True)
+class BuiltRoom:
+    """A room."""
+
+    outline: Polygon
+    floor: float
+    ceiling: float
+    corner_sigma: float | None
+    """Median standard deviation of its corners in plan, metres."""
+
+
+@dataclass(frozen=True)
+class BuiltStorey:
+    """One storey."""
+
+    name: str
+    floor: float
+    ceiling: float
+    walls: tuple[BuiltWall, ...]
+    columns: tuple[BuiltColumn, ...]
+    slabs: tuple[BuiltSlab, ...]
+    rooms: tuple[BuiltRoom, ...]
+
+
+@dataclass
+class Reconstruction:
+    """A whole building."""
+
+    origin: Array
+    storeys: tuple[BuiltStorey, ...]
+    returns: int
+    stations: int
+    scan_paths: tuple[str, ...]
+    timings: dict[str, float] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+    def count(self, what: str) -> int:
+        """Number of walls, columns, slabs or rooms."""
+        return sum(len(getattr(s, what)) for s in self.storeys)
+
+    @property
+    def openings(self) -> int:
+        """Number of openings."""
+        return sum(len(w.openings) for s in self.storeys for w in s.walls)

@@ -1,0 +1,145 @@
+"""Upright planes of a storey, as lines in plan with the side from which they were seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..planes.surfels import Surfels
+
+Array = NDArray[np.float64]
+
+UPRIGHT = 0.17
+"""Largest vertical part of a wall's normal (10 degrees)."""
+ROUGHEST_M = 0.012
+LEAST_PLANAR = 0.2
+SEED_CELL_M = 0.3
+SEED_SECTORS = 36
+REACH_M = 0.014
+"""A surfel this close to a line belongs to it."""
+TAKEN_M = 0.025
+"""Surfels this close to a found line, turned as it is, start no other line."""
+SAME_COS = np.cos(np.radians(12.0))
+TURNED = np.sin(np.radians(3.0))
+"""Mean turn of the normals in a window of a line beyond which they belong to another surface."""
+LEAST_AREA_M2 = 0.12
+MOST_FACES = 1500
+
+
+@dataclass(frozen=True)
+class Face:
+    """An upright plane: normal . (x, y) = offset; ``normal`` points to those who saw it."""
+
+    normal: Array
+    """(2,) unit vector."""
+    offset: float
+    u: Array
+    """(M,) places of its surfels along ``along`` [m]."""
+    z: Array
+    area: Array
+
+    @property
+    def along(self) -> Array:
+        """(2,) unit vector along the line, the normal turned by -90 degrees."""
+        return np.array([self.normal[1], -self.normal[0]])
+
+    def point(self, u: float) -> Array:
+        """(2,) place on the line."""
+        return self.normal * self.offset + self.along * u
+
+
+def upright_surfels(surfels: Surfels, low: float, high: float) -> Surfels:
+    """Those of upright surfaces between two heights."""
+    z = surfels.position[:, 2]
+    return surfels.where(
+        (np.abs(surfels.normal[:, 2]) < UPRIGHT) & (z > low) & (z < high)
+        & (surfels.roughness < ROUGHEST_M) & (surfels.planarity < LEAST_PLANAR)
+    )  # fmt: skip
+
+
+def find_faces(upright: Surfels) -> list[Face]:
+    """Lines, each grown from the place of most support, best first."""
+    if not len(upright):
+        return []
+    xy = upright.position[:, :2]
+    normal = upright.normal[:, :2] / np.linalg.norm(upright.normal[:, :2], axis=1, keepdims=True)
+    area, z = upright.area, upright.position[:, 2]
+    low = xy.min(axis=0)
+    cell = ((xy - low) / SEED_CELL_M).astype(np.int64)
+    sector = (np.arctan2(normal[:, 1], normal[:, 0]) / (2 * np.pi) * SEED_SECTORS).astype(np.int64) % SEED_SECTORS
+    columns = int(cell[:, 1].max()) + 1
+    key = (cell[:, 0] * columns + cell[:, 1]) * SEED_SECTORS + sector
+    used, inverse = np.unique(key, return_inverse=True)
+    inverse = inverse.ravel()
+    members = np.argsort(inverse, kind="stable")
+    begin = np.searchsorted(inverse[members], np.arange(len(used) + 1))
+    left = area.copy()
+    support = np.bincount(inverse, left)
+    faces: list[Face] = []
+    while len(faces) < MOST_FACES:
+        best = int(np.argmax(support))
+        if support[best] < 0.5 * LEAST_AREA_M2:
+            break
+        seed = members[begin[best] : begin[best + 1]]
+        seed = seed[left[seed] > 0]
+        line = _grow(xy, normal, left, seed) if len(seed) >= 4 else None
+        if line is None:
+            support[best] = 0.0
+            continue
+        n, c, inside = line
+        near = (np.abs(xy @ n - c) < TAKEN_M) & (normal @ n > SAME_COS) & (left > 0)
+        if not near.any() or not near[seed].any():
+            support[best] = 0.0
+        np.subtract.at(support, inverse[near], left[near])
+        left[near] = 0.0
+        inside = _consistent(xy, normal, area, n, inside)
+        if len(inside) and area[inside].sum() >= LEAST_AREA_M2:
+            along = np.array([n[1], -n[0]])
+            faces.append(Face(n, float(c), xy[inside] @ along, z[inside], area[inside]))
+    return faces
+
+
+def _consistent(xy: Array, normal: Array, area: Array, n: Array, inside: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Without the places where another surface merely crosses the line: there normals are turned, all the same way."""
+    along = np.array([n[1], -n[0]])
+    u = xy[inside] @ along
+    window = ((u - u.min()) / SEED_CELL_M).astype(np.int64)
+    weight = np.bincount(window, area[inside])
+    turn = np.bincount(window, area[inside] * (normal[inside] @ along)) / np.maximum(weight, 1e-12)
+    return inside[(np.abs(turn) < TURNED)[window]]
+
+
+def _grow(
+    xy: Array, normal: Array, left: Array, seed: NDArray[np.int64]
+) -> tuple[Array, float, NDArray[np.int64]] | None:
+    n = normal[seed].mean(axis=0)
+    n /= np.linalg.norm(n)
+    at = xy[seed] @ n
+    order = np.sort(at)
+    width = np.searchsorted(order, order + 0.02) - np.arange(len(order))
+    c = float(order[np.argmax(width)]) + 0.01
+    centre = xy[seed].mean(axis=0)
+    free = np.flatnonzero((left > 0) & (normal @ n > SAME_COS - 0.05))
+    reach, tolerance = 0.5, 0.02
+    members = seed
+    for _ in range(12):
+        along = np.array([n[1], -n[0]])
+        place = xy[free] - centre
+        chosen = (np.abs(xy[free] @ n - c) < tolerance) & (np.abs(place @ along) < reach)
+        chosen &= normal[free] @ n > SAME_COS
+        members = free[chosen]
+        if len(members) < 4:
+            return None
+        weight = left[members]
+        mean = weight @ xy[members] / weight.sum()
+        q = (xy[members] - mean) * np.sqrt(weight)[:, None]
+        fitted = np.linalg.eigh(q.T @ q)[1][:, 0]
+        n = fitted if fitted @ n > 0 else -fitted
+        c = float(n @ mean)
+        tolerance = REACH_M
+        if reach > 200:
+            break
+        reach *= 2.0
+    return n, c, members

@@ -1,0 +1,88 @@
+"""Storeys of a scanned building: a scanner stands on a floor, under a ceiling."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..planes.surfels import Surfels
+
+Array = NDArray[np.float64]
+
+LEVEL_COS = 0.95
+BIN_M = 0.02
+AROUND_M = 5.0
+"""Surfaces this far (in plan) from a station decide what it stands on."""
+BELOW_M = (0.3, 2.6)
+"""Height of a scanner above its floor."""
+ABOVE_M = (0.15, 12.0)
+LEAST_AREA_M2 = 0.5
+SHARE_OF_LARGEST = 0.25
+"""A level counts as floor when it shows this share of the largest level's area: tables show less."""
+STOREYS_APART_M = 1.2
+
+
+@dataclass(frozen=True)
+class Storey:
+    """Heights in the local frame, metres."""
+
+    floor: float
+    ceiling: float
+    """The level that shows most area; rooms may have their own."""
+    has_ceiling: bool
+    top: float
+    """Nothing above this belongs to the storey: the next floor, or the highest return."""
+    stations: tuple[int, ...]
+
+
+def find_storeys(surfels: Surfels, stations: Array) -> list[Storey]:
+    """Storeys from the lowest up; empty when no station stands on a floor."""
+    flat = surfels.where(np.abs(surfels.normal[:, 2]) > LEVEL_COS)
+    up, down = flat.where(flat.normal[:, 2] > 0), flat.where(flat.normal[:, 2] < 0)
+    stands = []
+    for index, place in enumerate(stations):
+        floor = _level(up, place, -BELOW_M[1], -BELOW_M[0], lowest=True)
+        ceiling = _level(down, place, *ABOVE_M, lowest=False)
+        if floor is not None:
+            stands.append((floor, ceiling, index))
+    covered = [s for s in stands if s[1] is not None]
+    stands = sorted(covered or stands, key=lambda s: s[0])
+    groups: list[list[tuple[float, float | None, int]]] = []
+    for stand in stands:
+        if groups and stand[0] - groups[-1][-1][0] < STOREYS_APART_M:
+            groups[-1].append(stand)
+        else:
+            groups.append([stand])
+    floors = [float(np.median([s[0] for s in group])) for group in groups]
+    highest = float(surfels.position[:, 2].max()) if len(surfels) else 0.0
+    out = []
+    for k, group in enumerate(groups):
+        top = floors[k + 1] - 0.03 if k + 1 < len(groups) else highest
+        ceilings = [s[1] for s in group if s[1] is not None and s[1] < top + 0.03]
+        ceiling = float(np.median(ceilings)) if ceilings else top
+        out.append(Storey(floors[k], ceiling, bool(ceilings), top, tuple(s[2] for s in group)))
+    return out
+
+
+def _level(flat: Surfels, place: Array, low: float, high: float, *, lowest: bool) -> float | None:
+    """Height of the largest level (or the lowest one nearly as large) between two heights above ``place``."""
+    z = flat.position[:, 2] - place[2]
+    near = (z > low) & (z < high) & (np.hypot(*(flat.position[:, :2] - place[:2]).T) < AROUND_M)
+    if flat.area[near].sum() < LEAST_AREA_M2:
+        return None
+    height, area = flat.position[near, 2], flat.area[near]
+    base = height.min()
+    histogram = np.bincount(((height - base) / BIN_M).astype(np.int64), area)
+    smooth = np.convolve(np.pad(histogram, 2), np.ones(3), mode="same")
+    if smooth.max() < LEAST_AREA_M2:
+        return None
+    large = np.flatnonzero(smooth >= SHARE_OF_LARGEST * smooth.max())
+    peak = int(large[0]) if lowest else int(np.argmax(smooth))
+    if lowest:
+        nearby = np.arange(peak, min(peak + 4, len(smooth)))
+        peak = int(nearby[np.argmax(smooth[nearby])])
+    centre = base + (peak - 2 + 0.5) * BIN_M
+    own = np.abs(height - centre) < 2 * BIN_M
+    return float(np.median(height[own])) if own.any() else float(centre)

@@ -1,0 +1,112 @@
+"""A building from a scan campaign."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely import MultiPolygon, Polygon, union_all
+
+from ..errors import BimVerifyError
+from ..planes.cloud import Cloud, read_cloud
+from ..planes.noise import PointNoise
+from ..planes.surfels import Surfels, make_surfels
+from ..progress import Progress
+from ..scans.campaign import ScanSource
+from .building import ASSUMED, MEASURED, BuiltSlab, BuiltStorey, FitRecord, Reconstruction
+from .levels import Storey, find_storeys
+from .storey import StoreyParts, reconstruct_storey
+
+Array = NDArray[np.float64]
+
+SLAB_M = 0.2
+THICKEST_SLAB_M = 1.2
+MOST_POINTS = 12_000_000
+"""Rays that are followed; more are thinned evenly, their surfels are not."""
+
+
+def reconstruct(source: ScanSource, sigma: float, memory_gb: float, progress: Progress | None = None) -> Reconstruction:
+    """Storeys, rooms, walls, openings, columns and slabs of what was scanned.
+
+    ``sigma`` is the standard deviation of a return along its ray [m]. The scans must be levelled (z up). Raises
+    BimVerifyError when there is nothing that a building could be made of.
+    """
+    progress = progress or Progress()
+    cloud = read_cloud(source, memory_gb, progress.part(0.0, 0.2))
+    progress.update(0.2, "Finding surfaces")
+    surfels = make_surfels(cloud)
+    storeys = find_storeys(surfels, cloud.stations)
+    if not storeys:
+        raise BimVerifyError(
+            f"{', '.join(source.paths)} shows no level floor below any of its {len(cloud.stations)} stations, so no storey "
+            "can be told; give scans of rooms, levelled (z up), with their scanner positions."
+        )
+    noise = PointNoise(sigma)
+    rays = _thinned(cloud)
+    step = 0.65 / len(storeys)
+    parts = [
+        reconstruct_storey(rays, surfels, s, noise, progress.part(0.3 + step * k, 0.3 + step * (k + 1)))
+        for k, s in enumerate(storeys)
+    ]
+    built = tuple(_storey(k, storeys, parts, surfels) for k in range(len(storeys)))
+    result = Reconstruction(cloud.origin, built, cloud.total, len(cloud.stations), source.paths)
+    result.warnings += _warnings(result, storeys)
+    return result
+
+
+def _thinned(cloud: Cloud) -> Cloud:
+    step = -(-len(cloud.points) // MOST_POINTS)
+    if step == 1:
+        return cloud
+    return Cloud(cloud.points[::step].copy(), cloud.station[::step].copy(), cloud.stations, cloud.origin, cloud.total)
+
+
+def _storey(k: int, storeys: list[Storey], parts: list[StoreyParts], surfels: Surfels) -> BuiltStorey:
+    storey, part = storeys[k], parts[k]
+    name = "Ground floor" if k == 0 else f"Floor {k}"
+    slabs = []
+    foot = _footprint(part)
+    if foot is not None:
+        below = storeys[k - 1] if k else None
+        gap = storey.floor - below.ceiling if below and below.has_ceiling else None
+        measured = gap is not None and 0.05 < gap < THICKEST_SLAB_M
+        fit = _level_fit(surfels, storey.floor, 1.0, MEASURED if measured else ASSUMED)
+        slabs.append(BuiltSlab(foot, storey.floor, gap if measured and gap else SLAB_M, "FLOOR" if k else "BASESLAB", fit))
+        if k + 1 == len(storeys) and storey.has_ceiling:
+            fit = _level_fit(surfels, storey.ceiling, -1.0, ASSUMED)
+            slabs.append(BuiltSlab(foot, storey.ceiling + SLAB_M, SLAB_M, "ROOF", fit))
+    return BuiltStorey(
+        name, storey.floor, storey.ceiling, tuple(part.walls), tuple(part.columns), tuple(slabs), tuple(part.built_rooms)
+    )
+
+
+def _footprint(part: StoreyParts) -> Polygon | None:
+    shapes = [r.outline for r in part.rooms] + [w.footprint for w in part.walls]
+    if not shapes:
+        return None
+    whole = union_all([s.buffer(0.05, join_style="mitre") for s in shapes]).buffer(-0.05, join_style="mitre")
+    largest = max(whole.geoms, key=lambda p: p.area) if isinstance(whole, MultiPolygon) else whole
+    return Polygon(largest.exterior).simplify(0.002) if not largest.is_empty else None
+
+
+def _level_fit(surfels: Surfels, level: float, side: float, source: str) -> FitRecord:
+    own = (np.abs(surfels.position[:, 2] - level) < 0.03) & (side * surfels.normal[:, 2] > 0.95)
+    if own.sum() < 10:
+        return FitRecord(None, None, 0.0, None, source)
+    off = surfels.position[own, 2] - level
+    return FitRecord(
+        float(np.abs(off).mean()), float(np.sqrt((surfels.roughness[own] ** 2).mean())), 1.0,
+        float(off.std() / np.sqrt(max(own.sum() / 50, 1))), source, int(surfels.count[own].sum()),
+    )
+
+
+def _warnings(result: Reconstruction, storeys: list[Storey]) -> list[str]:
+    out = []
+    for built, storey in zip(result.storeys, storeys, strict=True):
+        if not storey.has_ceiling:
+            out.append(f"{built.name}: no ceiling was seen, so its rooms and heights follow from the walls.")
+        if not built.rooms:
+            out.append(f"{built.name}: no closed room was found.")
+    assumed = sum(w.fit.thickness_source == ASSUMED for s in result.storeys for w in s.walls)
+    if assumed:
+        out.append(f"{assumed} of {result.count('walls')} walls were seen from one side only; their thickness is assumed.")
+    return out

@@ -1,0 +1,111 @@
+"""The report of a reconstruction: a plan of each storey, the walls with what is known of them, the comparison."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from markupsafe import Markup, escape
+from shapely import Polygon
+
+from ..report.plain_page import Section, millimetres, percent, write_page
+from .building import ASSUMED, BuiltStorey, Reconstruction
+from .compare import Comparison
+from .summary import summary_lines
+
+WIDTH = 760
+COLORS = {"door": "#b5651d", "window": "#3a7ca5", "opening": "#888888"}
+
+
+def write_reconstruction_report(folder: str | Path, result: Reconstruction, comparison: Comparison | None) -> Path:
+    """Write ``index.html`` into ``folder`` (made if missing) and return its path; BimVerifyError where that fails."""
+    sections = []
+    for storey in result.storeys:
+        sections.append(Section(f"{storey.name}: plan", _caption(storey), drawing=_plan(storey)))
+        sections.append(Section(
+            f"{storey.name}: walls", "Sigma is the standard deviation of the axis' place. The lean is over the wall's height.",
+            columns=("Wall", "Length m", "Thickness mm", "Thickness from", "Openings", "Seen", "Residual mm", "Sigma mm", "Lean mm"),
+            rows=[
+                (f"Wall {k}", f"{w.length:.3f}", millimetres(w.thickness), w.fit.thickness_source.lower(), str(len(w.openings)),
+                 percent(w.fit.quality), millimetres(w.fit.fit_sigma), millimetres(w.fit.position_sigma, 2),
+                 f"{1000 * math.tan(w.lean) * (w.top - w.base):.1f} ± {1960 * w.lean_sigma * (w.top - w.base):.1f}")
+                for k, w in enumerate(storey.walls, start=1)
+            ],
+            numeric=frozenset({1, 2, 4, 5, 6, 7, 8}),
+        ))
+        sections.append(Section(
+            f"{storey.name}: rooms", columns=("Room", "Area m2", "Perimeter m", "Floor m", "Clear height m"),
+            rows=[
+                (f"Room {k}", f"{r.outline.area:.2f}", f"{r.outline.exterior.length:.2f}",
+                 f"{r.floor + result.origin[2]:.3f}", f"{r.ceiling - r.floor:.3f}")
+                for k, r in enumerate(storey.rooms, start=1)
+            ],
+            numeric=frozenset({1, 2, 3, 4}),
+        ))  # fmt: skip
+    if comparison is not None:
+        sections.insert(0, Section(
+            "Against the reference", f"Quality {comparison.quality:.3f}: 0 is equal, what has no partner counts 1.",
+            columns=("Class", "Reference", "Found", "Matched", "Precision", "Recall", "F1", "Axis max mm", "Width max mm", "Edge max mm"),
+            rows=[
+                (kind, str(c.reference), str(c.found), str(len(c.matches)), f"{c.precision:.3f}", f"{c.recall:.3f}",
+                 f"{c.f1:.3f}", *(millimetres(c.largest(w)) for w in ("axis", "width", "edge")))
+                for kind, c in comparison.classes.items()
+            ],
+            numeric=frozenset(range(1, 10)),
+        ))
+    lines = summary_lines(result)
+    meta = [("Scans", ", ".join(Path(p).name for p in result.scan_paths)), ("Notes", " ".join(lines[1:]))]
+    return write_page(folder, "Reconstruction", "Scan to building model", lines[0], meta, sections)
+
+
+def _caption(storey: BuiltStorey) -> str:
+    assumed = sum(w.fit.thickness_source == ASSUMED for w in storey.walls)
+    return (
+        f"{len(storey.rooms)} rooms, {len(storey.walls)} walls; hatched in grey light: {assumed} walls whose thickness is "
+        "assumed. Doors brown, windows blue, openings without a leaf grey."
+    )
+
+
+def _plan(storey: BuiltStorey) -> Markup:
+    shapes = [w.footprint for w in storey.walls] + [r.outline for r in storey.rooms]
+    if not shapes:
+        return Markup("")
+    x0, y0 = (min(s.bounds[k] for s in shapes) for k in (0, 1))
+    x1, y1 = (max(s.bounds[k] for s in shapes) for k in (2, 3))
+    scale = WIDTH / max(x1 - x0, 1e-6)
+    height = (y1 - y0) * scale
+
+    def points(coordinates: list[tuple[float, ...]]) -> str:
+        return " ".join(f"{(p[0] - x0) * scale + 5:.1f},{height - (p[1] - y0) * scale + 5:.1f}" for p in coordinates)
+
+    def polygon(shape: Polygon, style: str, title: str) -> str:
+        return f'<polygon points="{points(list(shape.exterior.coords))}" {style}><title>{escape(title)}</title></polygon>'
+
+    parts = [
+        polygon(r.outline, 'fill="#eef3ea" stroke="none"', f"Room {k}: {r.outline.area:.2f} m2")
+        for k, r in enumerate(storey.rooms, start=1)
+    ]
+    for k, w in enumerate(storey.walls, start=1):
+        assumed = w.fit.thickness_source == ASSUMED
+        fill = "#b9bdc2" if assumed else "#4a5058"
+        parts.append(polygon(w.footprint, f'fill="{fill}" stroke="#222" stroke-width="0.5"', f"Wall {k}: {w.thickness * 1000:.0f} mm"))
+        for o in w.openings:
+            across = w.thickness / 2 * _left(w.along)
+            ends = [w.start + w.along * u for u in (o.u0, o.u1)]
+            corners = [tuple(p) for p in (ends[0] - across, ends[1] - across, ends[1] + across, ends[0] + across)]
+            parts.append(polygon(Polygon(corners), f'fill="{COLORS[o.kind]}"', f"{o.kind}: {o.width:.3f} x {o.height:.3f} m"))
+    parts += [polygon(c.footprint, 'fill="#7a3b3b"', f"Column {k}") for k, c in enumerate(storey.columns, start=1)]
+    for k, r in enumerate(storey.rooms, start=1):
+        at = r.outline.representative_point()
+        x, y = points([(at.x, at.y)]).split(",")
+        parts.append(f'<text x="{x}" y="{y}" font-size="13" text-anchor="middle" fill="#333">{k}</text>')
+    return Markup(
+        f'<svg viewBox="0 0 {WIDTH + 10} {height + 10:.0f}" role="img" aria-label="Plan">{"".join(parts)}</svg>'
+    )
+
+
+def _left(along: object) -> object:
+    import numpy as np
+
+    a = np.asarray(along)
+    return np.array([-a[1], a[0]])

@@ -1,0 +1,281 @@
+"""Room outlines: the plan is cut by the lines of the walls around a room; cells that are mostly free belong to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+from shapely import LineString, Point, Polygon, box, polygonize, prepare, union_all
+from shapely.geometry.polygon import orient
+
+from .faces import Face
+from .levels import Storey
+from .plan import PlanRaster
+
+Array = NDArray[np.float64]
+
+NEAR_CELLS = 3
+UPPER_M = 0.6
+"""A wall shows itself in this height below the ceiling, above furniture."""
+LEAST_UPPER_HEIGHT_M = 0.3
+LEAST_LINE_M = 0.22
+SAME_LINE_M = 0.045
+MOST_LINES = 48
+LEAST_FREE = 0.5
+ROUND_M = 1e-6
+LEAST_COLUMN_M2 = 0.01
+MOST_COLUMN_M2 = 2.5
+
+
+@dataclass(frozen=True)
+class RoomEdge:
+    """One side of a room: from ``start`` to ``end`` the room lies to the left."""
+
+    start: Array
+    end: Array
+    face: int
+    """Row of the storey's faces; -1 where no surface was seen and the room merely ends."""
+
+    @property
+    def length(self) -> float:
+        """Metres."""
+        return float(np.linalg.norm(self.end - self.start))
+
+    @property
+    def along(self) -> Array:
+        """(2,) unit vector."""
+        return np.asarray((self.end - self.start) / max(self.length, 1e-12))
+
+    @property
+    def inward(self) -> Array:
+        """(2,) unit vector into the room."""
+        a = self.along
+        return np.array([-a[1], a[0]])
+
+
+@dataclass(frozen=True)
+class Room:
+    """A room in plan, local frame, metres."""
+
+    outline: Polygon
+    """Counter-clockwise; without the columns that stand in it."""
+    edges: tuple[RoomEdge, ...]
+    columns: tuple[Polygon, ...]
+    floor: float
+    ceiling: float
+
+
+@dataclass(frozen=True)
+class _Line:
+    normal: Array
+    offset: float
+    face: int
+    support: float
+
+
+def find_rooms(plan: PlanRaster, faces: list[Face], storey: Storey) -> list[Room]:
+    """Rooms of a storey, largest first."""
+    bounds = [_face_cells(plan, f) for f in faces]
+    out = []
+    for number in np.unique(plan.rooms[plan.rooms > 0]):
+        room = _room(plan, faces, bounds, plan.rooms == number, storey)
+        if room is not None:
+            out.append(room)
+    out.sort(key=lambda r: -r.outline.area)
+    return _apart(out)
+
+
+def _apart(rooms: list[Room]) -> list[Room]:
+    """Leave out rooms that lie mostly in a larger one."""
+    kept: list[Room] = []
+    for room in rooms:
+        if all(room.outline.intersection(other.outline).area < 0.3 * room.outline.area for other in kept):
+            kept.append(room)
+    return kept
+
+
+def _face_cells(plan: PlanRaster, face: Face) -> NDArray[np.int64]:
+    xy = face.normal * face.offset + face.u[:, None] * face.along
+    cell = np.floor((xy - plan.low) / plan.cell).astype(np.int64)
+    return np.clip(cell, 0, np.array(plan.rooms.shape) - 1)
+
+
+def _room(
+    plan: PlanRaster, faces: list[Face], bounds: list[NDArray[np.int64]], mask: NDArray[np.bool_], storey: Storey
+) -> Room | None:
+    ix, iy = np.nonzero(mask)
+    ceiling = float(np.median(plan.ceiling[ix, iy]))
+    seen_floor = plan.floor[ix, iy]
+    with np.errstate(invalid="ignore"):
+        floors = seen_floor[np.isfinite(seen_floor)]
+    floor = float(np.median(floors)) if len(floors) > 10 else storey.floor
+    grown = binary_dilation(mask, iterations=NEAR_CELLS)
+    lines = []
+    for k, (face, cells) in enumerate(zip(faces, bounds, strict=True)):
+        near = grown[cells[:, 0], cells[:, 1]]
+        if near.sum() < 4:
+            continue
+        line = _as_line(plan, face, k, near, ceiling, mask)
+        if line is not None:
+            lines.append(line)
+    lines = _without_doubles(lines)[:MOST_LINES]
+    centres = plan.centres(ix, iy)
+    lines += _missing_sides(lines, centres)
+    outline = _union_of_free_cells(plan, lines, mask)
+    if outline is None:
+        return None
+    holes = [Polygon(ring) for ring in outline.interiors]
+    outline = orient(Polygon(outline.exterior), 1.0)
+    columns = tuple(
+        h for h in holes if LEAST_COLUMN_M2 < h.area < MOST_COLUMN_M2 and _stands(h, faces, floor, ceiling)
+    )
+    edges = _edges(outline, lines)
+    if len(edges) < 3:
+        return None
+    return Room(Polygon([e.start for e in edges]), tuple(edges), columns, floor, ceiling)
+
+
+def _as_line(
+    plan: PlanRaster, face: Face, row: int, near: NDArray[np.bool_], ceiling: float, mask: NDArray[np.bool_]
+) -> _Line | None:
+    """The face as a side of the room, if it reaches the ceiling there and looks into it."""
+    upper = near & (face.z > ceiling - UPPER_M) & (face.z < ceiling + 0.05)
+    if upper.sum() < 4:
+        return None
+    bins = np.unique(np.floor(face.u[upper] / plan.cell))
+    support = len(bins) * plan.cell
+    if support < LEAST_LINE_M or face.area[upper].sum() < LEAST_UPPER_HEIGHT_M * support:
+        return None
+    place = face.normal * face.offset + ((bins + 0.5) * plan.cell)[:, None] * face.along
+    front = np.floor((place + 2.5 * plan.cell * face.normal - plan.low) / plan.cell).astype(np.int64)
+    front = np.clip(front, 0, np.array(mask.shape) - 1)
+    if mask[front[:, 0], front[:, 1]].mean() < 0.5:
+        return None
+    return _Line(face.normal, face.offset, row, support)
+
+
+def _without_doubles(lines: list[_Line]) -> list[_Line]:
+    """Best supported first; of lines nearly the same the best one."""
+    kept: list[_Line] = []
+    for line in sorted(lines, key=lambda line: -line.support):
+        if all(
+            line.normal @ other.normal < 0.999 or abs(line.offset - other.offset) > SAME_LINE_M for other in kept
+        ):
+            kept.append(line)
+    return kept
+
+
+def _missing_sides(lines: list[_Line], centres: Array) -> list[_Line]:
+    """Where the room ends without a wall that was seen: lines at the end of its free cells."""
+    main = lines[0].normal if lines else np.array([1.0, 0.0])
+    out = []
+    for n in (main, -main, np.array([-main[1], main[0]]), np.array([main[1], -main[0]])):
+        end = float(np.quantile(centres @ n, 0.002)) - 0.5 * 0.06
+        if not any(line.normal @ n > 0.95 and abs(line.offset - end) < 0.3 for line in lines):
+            out.append(_Line(n, end, -1, 0.0))
+    return out
+
+
+def _union_of_free_cells(plan: PlanRaster, lines: list[_Line], mask: NDArray[np.bool_]) -> Polygon | None:
+    ix, iy = np.nonzero(mask)
+    low = plan.centres(ix.min(keepdims=True), iy.min(keepdims=True))[0] - 0.5
+    high = plan.centres(ix.max(keepdims=True), iy.max(keepdims=True))[0] + 0.5
+    gx, gy = np.meshgrid(
+        np.arange(max(ix.min() - 8, 0), min(ix.max() + 9, mask.shape[0])),
+        np.arange(max(iy.min() - 8, 0), min(iy.max() + 9, mask.shape[1])), indexing="ij",
+    )
+    gx, gy = gx.ravel(), gy.ravel()
+    normals = np.stack([line.normal for line in lines])
+    offsets = np.array([line.offset for line in lines])
+    side = plan.centres(gx, gy) @ normals.T > offsets
+    code = np.packbits(side, axis=1)
+    kinds, index = np.unique(code, axis=0, return_inverse=True)
+    total = np.bincount(index.ravel(), minlength=len(kinds))
+    free = np.bincount(index.ravel(), mask[gx, gy].astype(np.float64), minlength=len(kinds))
+    share = {kind.tobytes(): f / t for kind, f, t in zip(kinds, free, total, strict=True)}
+    frame = box(*low, *high)
+    reach = float(np.linalg.norm(high - low)) + 1.0
+    cuts = [frame.exterior]
+    middle = 0.5 * (low + high)
+    for line in lines:
+        foot = middle + (line.offset - line.normal @ middle) * line.normal
+        along = np.array([line.normal[1], -line.normal[0]])
+        cuts.append(LineString([foot - reach * along, foot + reach * along]).intersection(frame))
+    pieces = polygonize([union_all([c for c in cuts if not c.is_empty])])
+    chosen = []
+    for piece in pieces.geoms:
+        inner = piece.representative_point()
+        key = np.packbits(np.array([inner.x, inner.y]) @ normals.T > offsets).tobytes()
+        if share.get(key, 0.0) > LEAST_FREE:
+            chosen.append(piece.buffer(ROUND_M, join_style="mitre"))
+    if not chosen:
+        return None
+    whole = union_all(chosen)
+    parts = list(whole.geoms) if hasattr(whole, "geoms") else [whole]
+    best = max(parts, key=lambda p: p.area)
+    return best if best.area > 0.4 else None
+
+
+def _edges(outline: Polygon, lines: list[_Line]) -> list[RoomEdge]:
+    """Sides of the outline with their faces; corners are where the lines of two sides meet."""
+    points = np.array(outline.exterior.coords)[:-1]
+    runs: list[list] = []
+    for p, q in zip(points, np.roll(points, -1, axis=0), strict=True):
+        length = np.linalg.norm(q - p)
+        if length < 1e-4:
+            continue
+        inward = np.array([-(q - p)[1], (q - p)[0]]) / length
+        middle = 0.5 * (p + q)
+        match = [
+            (abs(line.normal @ middle - line.offset), k)
+            for k, line in enumerate(lines)
+            if abs(line.normal @ inward) > 0.9999 and abs(line.normal @ middle - line.offset) < 1e-4
+        ]
+        if not match:
+            continue
+        row = min(match)[1]
+        if runs and runs[-1][0] == row:
+            runs[-1][2] = q
+        else:
+            runs.append([row, p, q, inward])
+    if len(runs) > 1 and runs[0][0] == runs[-1][0]:
+        runs[0][1] = runs.pop()[1]
+    corners = []
+    for k in range(len(runs)):
+        a, b = lines[runs[k - 1][0]], lines[runs[k][0]]
+        system = np.stack([a.normal, b.normal])
+        if abs(np.linalg.det(system)) < 0.02:
+            corners.append(np.asarray(runs[k][1]))
+        else:
+            corners.append(np.linalg.solve(system, [a.offset, b.offset]))
+    out = []
+    for k, (row, _, _, inward) in enumerate(runs):
+        facing = lines[row].normal @ inward > 0
+        out.append(RoomEdge(corners[k], corners[(k + 1) % len(runs)], lines[row].face if facing else -1))
+    return [e for e in out if e.length > 1e-3]
+
+
+def _stands(hole: Polygon, faces: list[Face], floor: float, ceiling: float) -> bool:
+    """Whether surfaces around the hole reach from near the floor to near the ceiling."""
+    near = hole.buffer(0.05)
+    prepare(near)
+    levels = []
+    for face in faces:
+        low, high = face.u.min(), face.u.max()
+        if not LineString([face.point(low), face.point(high + 1e-6)]).intersects(near):
+            continue
+        xy = face.normal * face.offset + face.u[:, None] * face.along
+        bounds = np.array(near.bounds)
+        close = np.all((xy > bounds[:2]) & (xy < bounds[2:]), axis=1)
+        levels += [z for (x, y), z in zip(xy[close], face.z[close], strict=True) if near.contains(Point(x, y))]
+    if not levels:
+        return False
+    rows = np.unique(((np.array(levels) - floor) / 0.1).astype(np.int64))
+    return len(rows) * 0.1 > 0.7 * (ceiling - floor)
+
+
+def with_outline(room: Room, edges: list[RoomEdge]) -> Room:
+    """The same room with refitted sides."""
+    return replace(room, outline=Polygon([e.start for e in edges]), edges=tuple(edges))

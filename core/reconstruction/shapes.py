@@ -1,0 +1,122 @@
+"""Elements of an IFC file as upright boxes: middle, direction, length, width, height."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BimVerifyError
+from ..model.load import open_ifc
+
+Array = NDArray[np.float64]
+
+CLASSES = {
+    "walls": ("IfcWall",), "columns": ("IfcColumn",), "openings": ("IfcOpeningElement",), "doors": ("IfcDoor",),
+    "windows": ("IfcWindow",), "spaces": ("IfcSpace",), "slabs": ("IfcSlab",),
+}
+UPRIGHT = 0.1
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One element; metres, model frame."""
+
+    global_id: str
+    name: str
+    middle: Array
+    """(3,) of its box."""
+    along: Array
+    """(2,) unit vector of its length in plan."""
+    length: float
+    width: float
+    height: float
+    host: str = ""
+    """GlobalId of the wall that an opening is in."""
+
+    @property
+    def across(self) -> Array:
+        """(2,) unit vector."""
+        return np.array([-self.along[1], self.along[0]])
+
+
+def read_shapes(path: str | Path) -> dict[str, list[Shape]]:
+    """All elements of the classes compared. Raises BimVerifyError when the file cannot be read."""
+    return shapes_of(open_ifc(Path(path)), str(path))
+
+
+def shapes_of(file: Any, name: str = "") -> dict[str, list[Shape]]:
+    """The same of an open file."""
+    import ifcopenshell.geom
+
+    settings = ifcopenshell.geom.settings()
+    settings.set("use-world-coords", True)
+    out: dict[str, list[Shape]] = {}
+    walls: dict[str, Shape] = {}
+    for kind, classes in CLASSES.items():
+        out[kind] = []
+        for product in (p for c in classes for p in file.by_type(c)):
+            host = ""
+            if kind == "openings":
+                if not product.VoidsElements or not product.VoidsElements[0].RelatingBuildingElement.is_a("IfcWall"):
+                    continue
+                host = product.VoidsElements[0].RelatingBuildingElement.GlobalId
+            body = product
+            if kind in ("doors", "windows") and product.FillsVoids:
+                # a leaf may stand open: the opening says where the door is
+                body = product.FillsVoids[0].RelatingOpeningElement
+                host = body.VoidsElements[0].RelatingBuildingElement.GlobalId if body.VoidsElements else ""
+            try:
+                shape = ifcopenshell.geom.create_shape(settings, body)
+            except RuntimeError:
+                continue
+            vertices = np.array(shape.geometry.verts, dtype=np.float64).reshape(-1, 3)
+            triangles = np.array(shape.geometry.faces, dtype=np.int64).reshape(-1, 3)
+            if not len(triangles):
+                continue
+            found = _box(product, vertices, triangles, walls.get(host))
+            out[kind].append(found)
+            if kind == "walls":
+                walls[product.GlobalId] = found
+    if not any(out.values()):
+        raise BimVerifyError(f"{name} holds no wall, opening, column, slab or space with a shape, so there is nothing to compare.")
+    return out
+
+
+def _box(product: Any, vertices: Array, triangles: NDArray[np.int64], host: Shape | None) -> Shape:
+    corner = vertices[triangles]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    area = np.linalg.norm(normal, axis=1) / 2
+    normal /= np.maximum(2 * area[:, None], 1e-15)
+    side = (np.abs(normal[:, 2]) < UPRIGHT) & (area > 1e-9)
+    if host is not None:
+        along = host.along
+    elif side.any():
+        angle = np.arctan2(normal[side, 1], normal[side, 0])
+        # most of the area faces across the length
+        bins = np.round((angle % np.pi) / np.radians(0.5)).astype(np.int64) % 360
+        weight = np.bincount(bins, area[side], 360)
+        best = int(np.argmax(weight + np.roll(weight, 1) + np.roll(weight, -1)))
+        own = np.minimum((bins - best) % 360, (best - bins) % 360) <= 1
+        doubled = (np.exp(2j * angle[own]) * area[side][own]).sum()
+        turn = float(np.angle(doubled) / 2)
+        along = np.array([-np.sin(turn), np.cos(turn)])
+    else:
+        along = np.array([1.0, 0.0])
+    across = np.array([-along[1], along[0]])
+    used = vertices[np.unique(triangles)]
+    u, v = used[:, :2] @ along, used[:, :2] @ across
+    length, width = float(np.ptp(u)), float(np.ptp(v))
+    middle = 0.5 * (u.max() + u.min()) * along + 0.5 * (v.max() + v.min()) * across
+    if host is not None:
+        # an opening's body may reach out of its wall: only what lies in the wall counts
+        middle = middle + ((host.middle[:2] - middle) @ across) * across
+        width = min(width, host.width)
+    z = used[:, 2]
+    return Shape(
+        product.GlobalId, product.Name or "", np.append(middle, 0.5 * (z.max() + z.min())), along, length, width,
+        float(np.ptp(z)), host.global_id if host else "",
+    )

@@ -1,0 +1,165 @@
+"""One storey from the cloud: rooms, walls, openings, columns, with their fits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely import MultiPolygon, Polygon, union_all
+
+from ..planes.cloud import Cloud
+from ..planes.derived import plumb_deviation
+from ..planes.fit import Plane, fit_plane
+from ..planes.noise import PointNoise
+from ..planes.surfels import Surfels
+from ..planes.unevenness import with_unevenness
+from ..progress import Progress
+from .building import ASSUMED, BuiltColumn, BuiltRoom, BuiltWall, FitRecord
+from .columns import find_columns
+from .crossings import BAND_M, Crossings, cross
+from .faces import find_faces, upright_surfels
+from .joins import join_walls
+from .levels import Storey
+from .openings import FaceRaster, Opening, face_raster, find_openings
+from .plan import make_plan
+from .rooms import Room, find_rooms
+from .thickness import SIGMA_M, Hint, hint, settle
+from .walls import WallLine, find_walls
+
+Array = NDArray[np.float64]
+
+FIT_POINTS = 20_000
+LEAST_SOLID = 0.12
+"""A wall of which less is solid, where anything is known, is no wall: an opening of the whole width, a row of lamps."""
+NOISE_FACTOR = 4.0
+
+
+@dataclass
+class _Work:
+    line: WallLine
+    sides: list[Crossings]
+    raster: FaceRaster
+    openings: list[Opening]
+    base: float
+    top: float
+
+
+@dataclass(frozen=True)
+class StoreyParts:
+    """What was found in one storey."""
+
+    rooms: list[Room]
+    built_rooms: list[BuiltRoom]
+    walls: list[BuiltWall]
+    columns: list[BuiltColumn]
+
+
+def reconstruct_storey(
+    cloud: Cloud, surfels: Surfels, storey: Storey, noise: PointNoise, progress: Progress
+) -> StoreyParts:
+    """All of one storey."""
+    progress.update(0.0, "Finding rooms")
+    plan = make_plan(cloud, surfels, storey)
+    upright = upright_surfels(surfels, storey.floor + 0.03, storey.top)
+    faces = find_faces(upright)
+    progress.update(0.3, "Finding rooms")
+    rooms = find_rooms(plan, faces, storey)
+    lines = find_walls(rooms, faces)
+    band = max(BAND_M, NOISE_FACTOR * noise.sigma_range)
+    work = []
+    for k, line in enumerate(lines):
+        progress.update(0.35 + 0.5 * k / max(len(lines), 1), "Looking for openings")
+        found = _examine(cloud, line, rooms, storey, band)
+        if found is not None:
+            work.append(found)
+    settle([w.line for w in work], [_hint(w, band) for w in work])
+    joined = join_walls([w.line for w in work])
+    progress.update(0.9, "Fitting faces")
+    walls = []
+    for w, j in zip(work, joined, strict=True):
+        start_u = float(j.start @ w.line.along)
+        openings = tuple(_moved(o, -start_u) for o in w.openings)
+        fit, lean, lean_sigma = _fit(cloud, w, band, noise)
+        external = any(p.right < 0 for p in w.line.pieces)
+        walls.append(
+            BuiltWall(j.start, j.end, w.line.thickness, j.footprint, w.base, w.top, openings, j.joins,
+                      tuple(sorted(w.line.rooms)), external, fit, lean, lean_sigma)
+        )
+    columns = []
+    for room in rooms:
+        for shape in find_columns(room, upright):
+            fit = FitRecord(shape.residual, shape.residual, shape.seen, noise.sigma_range, "MEASURED", 0)
+            columns.append(BuiltColumn(shape.footprint, shape.radius, room.floor, room.ceiling, fit))
+    built_rooms = [BuiltRoom(_without(r, columns), r.floor, r.ceiling, None) for r in rooms]
+    return StoreyParts(rooms, built_rooms, walls, columns)
+
+
+def _without(room: Room, columns: list[BuiltColumn]) -> Polygon:
+    outline = room.outline
+    own = [c.footprint for c in columns if outline.contains(c.footprint)]
+    rest = outline.difference(union_all(own)) if own else outline
+    return max(rest.geoms, key=lambda p: p.area) if isinstance(rest, MultiPolygon) else rest
+
+
+def _hint(work: _Work, band: float) -> Hint:
+    if work.line.two_sided:
+        return Hint(None, 0.0, None)
+    return hint(work.sides[0], work.openings, band)
+
+
+def _examine(cloud: Cloud, line: WallLine, rooms: list[Room], storey: Storey, band: float) -> _Work | None:
+    own = [rooms[r] for r in line.rooms]
+    base = min((r.floor for r in own), default=storey.floor)
+    top = max((r.ceiling for r in own), default=storey.ceiling)
+    u, z = (line.u0, line.u1), (base, top)
+    sides = [cross(cloud, line.normal, line.near, line.along, u, z, band)]
+    if line.two_sided:
+        sides.append(cross(cloud, -line.normal, line.thickness - line.near, line.along, u, z, band))
+    _sharpen(line, sides, band)
+    raster = face_raster(sides, u, z, band)
+    if raster.solid_share < LEAST_SOLID and line.source == ASSUMED:
+        return None
+    lost = any(p.right < 0 for p in line.pieces)
+    openings = find_openings(raster, sides, base, line.thickness or 0.5, band, lost)
+    return _Work(line, sides, raster, openings, base, top)
+
+
+def _sharpen(line: WallLine, sides: list[Crossings], band: float) -> None:
+    """Move the faces to the mean of the returns on them."""
+    shift = [float(s.depth[on].mean()) if (on := s.on_face(band)).sum() > 50 else 0.0 for s in sides]
+    line.near -= shift[0]
+    if len(shift) > 1:
+        line.thickness -= shift[0] + shift[1]
+
+
+def _moved(o: Opening, by: float) -> Opening:
+    return Opening(o.u0 + by, o.u1 + by, o.z0, o.z1, o.kind, o.filled, o.quality)
+
+
+def _fit(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> tuple[FitRecord, float, float]:
+    planes: list[Plane] = []
+    for side in work.sides:
+        rows = side.row[side.on_face(band)]
+        if len(rows) < 30:
+            continue
+        rows = rows[:: max(1, len(rows) // FIT_POINTS)]
+        points = cloud.points[rows].astype(np.float64)
+        plane = fit_plane(points, cloud.stations[cloud.station[rows]], noise)
+        plane, _ = with_unevenness(plane, points)
+        planes.append(plane.facing(cloud.stations[cloud.station[rows[0]]]))
+    known = work.raster.state
+    solid = float((known == 1).sum())
+    holes = sum(o.width * o.height for o in work.openings) / work.raster.cell**2
+    quality = min(1.0, solid / max(known.size - holes, 1.0))
+    if not planes:
+        return FitRecord(None, None, quality, None, work.line.source), 0.0, 0.0
+    sigma = [p.position_sigma for p in planes]
+    extra = SIGMA_M[work.line.source] / 2
+    position = float(np.hypot(np.sqrt(np.sum(np.square(sigma))) / len(sigma), extra))
+    lean = plumb_deviation(planes[0])
+    record = FitRecord(
+        float(np.mean([p.residual_mean for p in planes])), float(np.mean([p.residual_sigma for p in planes])), quality,
+        position, work.line.source, sum(p.count for p in planes),
+    )
+    return record, lean.value, lean.sigma

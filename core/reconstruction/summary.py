@@ -1,0 +1,63 @@
+"""A reconstruction in a few lines, and as plain values."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .building import ASSUMED, MEASURED, REVEAL, BuiltStorey, Reconstruction
+
+
+def summary_lines(result: Reconstruction) -> list[str]:
+    """For a person."""
+    kinds = [o.kind for s in result.storeys for w in s.walls for o in w.openings]
+    lines = [
+        f"{len(result.storeys)} storeys, {result.count('rooms')} rooms, {result.count('walls')} walls, "
+        f"{kinds.count('door')} doors, {kinds.count('window')} windows, {kinds.count('opening')} openings without a leaf, "
+        f"{result.count('columns')} columns from {result.returns:,} returns of {result.stations} stations."
+    ]
+    sources = [w.fit.thickness_source for s in result.storeys for w in s.walls]
+    lines.append(
+        f"Thickness of walls: {sources.count(MEASURED)} measured between both faces, {sources.count(REVEAL)} from reveals, "
+        f"{sources.count(ASSUMED)} assumed."
+    )
+    return lines + [f"Note: {w}" for w in result.warnings]
+
+
+def reconstruction_to_json(result: Reconstruction) -> dict[str, Any]:
+    """Metres, scan frame."""
+    return {
+        "returns": result.returns, "stations": result.stations, "scans": list(result.scan_paths),
+        "seconds": result.timings, "warnings": result.warnings,
+        "storeys": [_storey(s, result.origin.tolist()) for s in result.storeys],
+    }
+
+
+def _storey(s: BuiltStorey, origin: list[float]) -> dict[str, Any]:
+    x, y, z = origin
+
+    def place(p: Any) -> list[float]:
+        return [float(p[0]) + x, float(p[1]) + y]
+
+    return {
+        "name": s.name, "floor": s.floor + z, "ceiling": s.ceiling + z,
+        "rooms": [
+            {"area": r.outline.area, "floor": r.floor + z, "ceiling": r.ceiling + z,
+             "outline": [place(p) for p in list(r.outline.exterior.coords)[:-1]]}
+            for r in s.rooms
+        ],
+        "walls": [
+            {"start": place(w.start), "end": place(w.end), "thickness": w.thickness, "base": w.base + z, "top": w.top + z,
+             "thickness_source": w.fit.thickness_source, "fit_mean": w.fit.fit_mean, "fit_sigma": w.fit.fit_sigma,
+             "position_sigma": w.fit.position_sigma, "quality": w.fit.quality, "external": w.external,
+             "lean_rad": w.lean, "lean_sigma_rad": w.lean_sigma, "rooms": list(w.rooms),
+             "openings": [
+                 {"kind": o.kind, "from": o.u0, "to": o.u1, "bottom": o.z0 + z, "top": o.z1 + z, "filled": o.filled,
+                  "quality": o.quality}
+                 for o in w.openings
+             ]}
+            for w in s.walls
+        ],
+        "columns": [
+            {"outline": [place(p) for p in list(c.footprint.exterior.coords)[:-1]], "radius": c.radius} for c in s.columns
+        ],
+    }  # fmt: skip

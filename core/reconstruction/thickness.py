@@ -1,0 +1,66 @@
+"""Thickness of walls that were seen from one side only: from the reveals of their openings, else assumed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .building import ASSUMED, MEASURED, REVEAL
+from .crossings import Crossings
+from .openings import Opening, reveal_depth
+from .walls import WallLine
+
+DEFAULT_M = 0.30
+BEYOND_LEAF_M = 0.03
+"""A reveal that goes on this far behind the leaf is taken to end with the wall."""
+HALF_LEAF_M = 0.015
+LEAST_M, MOST_M = 0.06, 0.8
+SIGMA_M = {MEASURED: 0.0, REVEAL: 0.005, ASSUMED: 0.05}
+"""What the thickness may be off by, beside the faces' own uncertainty."""
+
+
+@dataclass(frozen=True)
+class Hint:
+    """What the openings of one wall say of its thickness [m]; None for nothing."""
+
+    reveal: float | None
+    at_least: float
+    leaf: float | None
+
+
+def hint(side: Crossings, openings: list[Opening], band: float) -> Hint:
+    """From all openings of a wall."""
+    reveal, least, leaves = None, 0.0, []
+    for opening in openings:
+        depth, leaf = reveal_depth(side, opening, band)
+        if leaf is not None:
+            leaves.append(leaf)
+        if depth is None or not LEAST_M < depth < MOST_M or opening.kind != "window":
+            continue
+        least = max(least, depth)
+        if leaf is None or depth > leaf + BEYOND_LEAF_M:
+            reveal = max(reveal or 0.0, depth)
+    # reveals end at the frame in other openings of the same wall: a depth is an end only if nothing goes deeper
+    if reveal is not None and leaves and reveal < min(leaves) + BEYOND_LEAF_M:
+        reveal = None
+    return Hint(reveal, least, float(np.median(leaves)) if leaves else None)
+
+
+def settle(walls: list[WallLine], hints: list[Hint]) -> None:
+    """Give every one-sided wall its thickness and say where it is from."""
+    open_walls = [(w, h) for w, h in zip(walls, hints, strict=True) if not w.two_sided]
+    reveals = [h.reveal for _, h in open_walls if h.reveal is not None]
+    typical = float(np.median(reveals)) if reveals else None
+    leaves = [2 * (h.leaf + HALF_LEAF_M) for _, h in open_walls if h.leaf is not None]
+    middle = float(np.median(leaves)) if leaves else None
+    for wall, h in open_walls:
+        if h.reveal is not None and (typical is None or abs(h.reveal - typical) < 0.02 or h.reveal > typical):
+            wall.thickness, wall.source = h.reveal, REVEAL
+        elif typical is not None and typical >= h.at_least - 0.02:
+            wall.thickness, wall.source = typical, ASSUMED
+        elif h.leaf is not None:
+            # a leaf or pane is taken to stand in the middle of the wall
+            wall.thickness, wall.source = 2 * (h.leaf + HALF_LEAF_M), ASSUMED
+        else:
+            wall.thickness, wall.source = middle if middle is not None else DEFAULT_M, ASSUMED
