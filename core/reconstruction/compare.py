@@ -204,9 +204,10 @@ def comparison_lines(result: Comparison) -> list[str]:
         text = f"{kind}: {len(c.matches)} of {c.reference} found, {len(c.extra)} not in the reference, F1 {c.f1:.3f}"
         if c.matches and kind in ("walls", "openings"):
             text += f"; axis {c.median('axis') * 1000:.1f} mm (at most {c.largest('axis') * 1000:.1f})"
-            text += f", thickness {c.median('width') * 1000:.1f} mm (at most {c.largest('width') * 1000:.1f})" if kind == "walls" else (
-                f", edges at most {c.largest('edge') * 1000:.1f} mm"
-            )
+            if kind == "walls":
+                text += f", thickness {c.median('width') * 1000:.1f} mm (at most {c.largest('width') * 1000:.1f})"
+            else:
+                text += f", edges at most {c.largest('edge') * 1000:.1f} mm"
         out.append(text + ".")
     out.append(f"Quality against the reference: {result.quality:.3f} (0 is equal).")
     return out

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 from markupsafe import Markup, escape
+from numpy.typing import NDArray
 from shapely import Polygon
 
 from ..report.plain_page import Section, millimetres, percent, write_page
@@ -24,7 +26,9 @@ def write_reconstruction_report(folder: str | Path, result: Reconstruction, comp
         sections.append(Section(f"{storey.name}: plan", _caption(storey), drawing=_plan(storey)))
         sections.append(Section(
             f"{storey.name}: walls", "Sigma is the standard deviation of the axis' place. The lean is over the wall's height.",
-            columns=("Wall", "Length m", "Thickness mm", "Thickness from", "Openings", "Seen", "Residual mm", "Sigma mm", "Lean mm"),
+            columns=(
+                "Wall", "Length m", "Thickness mm", "Thickness from", "Openings", "Seen", "Residual mm", "Sigma mm", "Lean mm",
+            ),
             rows=[
                 (f"Wall {k}", f"{w.length:.3f}", millimetres(w.thickness), w.fit.thickness_source.lower(), str(len(w.openings)),
                  percent(w.fit.quality), millimetres(w.fit.fit_sigma), millimetres(w.fit.position_sigma, 2),
@@ -45,7 +49,10 @@ def write_reconstruction_report(folder: str | Path, result: Reconstruction, comp
     if comparison is not None:
         sections.insert(0, Section(
             "Against the reference", f"Quality {comparison.quality:.3f}: 0 is equal, what has no partner counts 1.",
-            columns=("Class", "Reference", "Found", "Matched", "Precision", "Recall", "F1", "Axis max mm", "Width max mm", "Edge max mm"),
+            columns=(
+                "Class", "Reference", "Found", "Matched", "Precision", "Recall", "F1", "Axis max mm", "Width max mm",
+                "Edge max mm",
+            ),
             rows=[
                 (kind, str(c.reference), str(c.found), str(len(c.matches)), f"{c.precision:.3f}", f"{c.recall:.3f}",
                  f"{c.f1:.3f}", *(millimetres(c.largest(w)) for w in ("axis", "width", "edge")))
@@ -88,7 +95,8 @@ def _plan(storey: BuiltStorey) -> Markup:
     for k, w in enumerate(storey.walls, start=1):
         assumed = w.fit.thickness_source == ASSUMED
         fill = "#b9bdc2" if assumed else "#4a5058"
-        parts.append(polygon(w.footprint, f'fill="{fill}" stroke="#222" stroke-width="0.5"', f"Wall {k}: {w.thickness * 1000:.0f} mm"))
+        style = f'fill="{fill}" stroke="#222" stroke-width="0.5"'
+        parts.append(polygon(w.footprint, style, f"Wall {k}: {w.thickness * 1000:.0f} mm"))
         for o in w.openings:
             across = w.thickness / 2 * _left(w.along)
             ends = [w.start + w.along * u for u in (o.u0, o.u1)]
@@ -104,8 +112,6 @@ def _plan(storey: BuiltStorey) -> Markup:
     )
 
 
-def _left(along: object) -> object:
-    import numpy as np
-
+def _left(along: NDArray[np.float64]) -> NDArray[np.float64]:
     a = np.asarray(along)
     return np.array([-a[1], a[0]])

@@ -70,7 +70,7 @@ def shapes_of(file: Any, name: str = "") -> dict[str, list[Shape]]:
                 body = product.FillsVoids[0].RelatingOpeningElement
                 host = body.VoidsElements[0].RelatingBuildingElement.GlobalId if body.VoidsElements else ""
             try:
-                shape = ifcopenshell.geom.create_shape(settings, body)
+                shape: Any = ifcopenshell.geom.create_shape(settings, body)
             except RuntimeError:
                 continue
             vertices = np.array(shape.geometry.verts, dtype=np.float64).reshape(-1, 3)
@@ -82,7 +82,7 @@ def shapes_of(file: Any, name: str = "") -> dict[str, list[Shape]]:
             if kind == "walls":
                 walls[product.GlobalId] = found
     if not any(out.values()):
-        raise BimVerifyError(f"{name} holds no wall, opening, column, slab or space with a shape, so there is nothing to compare.")
+        raise BimVerifyError(f"{name} holds no wall, opening, column, slab or space with a shape, to compare.")
     return out
 
 

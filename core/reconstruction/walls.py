@@ -185,7 +185,7 @@ def _merge(pieces: list[Piece], rooms: list[Room]) -> list[WallLine]:
             b = pieces[j]
             if not _same_line(a, b):
                 continue
-            b0, b1 = sorted((b.point(b.u0, b.near) @ a.along, b.point(b.u1, b.near) @ a.along))
+            b0, b1 = sorted(float(b.point(u, b.near) @ a.along) for u in (b.u0, b.u1))
             gap = max(b0 - a.u1, a.u0 - b1)
             if gap > LARGEST_GAP_M:
                 continue
@@ -226,11 +226,11 @@ def _cross(a: Array, b: Array) -> float:
 def _same_line(a: Piece, b: Piece) -> bool:
     if abs(_cross(a.along, b.along)) > SAME_DIRECTION:
         return False
-    same = a.along @ b.along > 0
+    same = bool(a.along @ b.along > 0)
     u = float(np.clip(0.5 * (b.u0 + b.u1) * (1 if same else -1), a.u0, a.u1))
     place = a.point(u, a.near)
     # faces of b along a's left normal at that place
-    at = a.near + (b.near - place @ b.normal) * (1 if same else -1)
+    at = float(a.near + (b.near - place @ b.normal) * (1 if same else -1))
     b_thick = b.thickness
     if a.thickness is not None and b_thick is not None:
         a_axis = a.near - a.thickness / 2
@@ -260,9 +260,7 @@ def _line(group: list[Piece]) -> WallLine:
         same = p.along @ along > 0
         ends += [p.point(p.u0, p.near) @ along, p.point(p.u1, p.near) @ along]
         middle = p.point(0.5 * (p.u0 + p.u1), p.near)
-        u = middle @ along
-        turn = (u - 0.5 * (first.u0 + first.u1)) * 0.0
-        face = float(middle @ normal) - turn
+        face = float(middle @ normal)
         if p.thickness is None:
             single += p.length
             if first.thickness is None:

@@ -118,7 +118,6 @@ class _Writer:
         if spaces:
             self.api.aggregate.assign_object(f, products=spaces, relating_object=storey)
         if contained:
-            import ifcopenshell.api.spatial
 
             self.api.spatial.assign_container(f, products=contained, relating_structure=storey)
         self._connect(built, walls)
@@ -159,7 +158,7 @@ class _Writer:
         if opening.kind == "opening":
             return None
         door = opening.kind == "door"
-        filling = self.api.root.create_entity(f, "IfcDoor" if door else "IfcWindow", name=f"{'Door' if door else 'Window'} {name}")
+        filling = self.api.root.create_entity(f, "IfcDoor" if door else "IfcWindow", name=f"{opening.kind.title()} {name}")
         filling.PredefinedType = "DOOR" if door else "WINDOW"
         filling.OverallWidth, filling.OverallHeight = float(opening.width), float(opening.height)
         if door:

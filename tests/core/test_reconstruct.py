@@ -1,0 +1,72 @@
+"""From the scan of a furnished flat to an IFC file: what stands, what is measured, what is assumed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import ifcopenshell
+import ifcopenshell.util.element
+import ifcopenshell.validate
+import numpy as np
+import pytest
+
+from bim_verify.cli import main
+from bim_verify.core.model.load import load_model
+from bim_verify.core.reconstruction.compare import Comparison, compare
+from bim_verify.core.reconstruction.shapes import read_shapes
+from bim_verify.core.simulation.campaign import Campaign, scan_to_files, set_up
+from bim_verify.core.simulation.scanner import PRESETS
+from bim_verify.core.simulation.storey_plans import flat
+from bim_verify.core.simulation.storeys import write_building
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """(file of the reconstruction, file of the truth) of a flat turned by 20 degrees, scanned from inside."""
+    folder = tmp_path_factory.mktemp("flat")
+    truth, furnished, scan, found = (folder / name for name in ("truth.ifc", "flat.ifc", "flat.e57", "found.ifc"))
+    write_building(truth, [flat()], turn_deg=20.0, furniture=False)
+    positions = write_building(furnished, [flat()], turn_deg=20.0)
+    model = load_model(furnished, cache=False)
+    scanner = replace(PRESETS["fast"], angular_step=float(np.radians(0.3)), sigma_range=0.002, sigma_signal=0.0)
+    set_ups = tuple(set_up(f"S{k}", p - model.origin, 3, k) for k, p in enumerate(positions))
+    scan_to_files(Campaign(model, scanner, set_ups, {}, (), 3, glass="clear"), scan, None)
+    assert main(["reconstruct", str(scan), "--out", str(found), "--quiet"]) == 0
+    return found, truth
+
+
+@pytest.fixture(scope="module")
+def comparison(built: tuple[Path, Path]) -> Comparison:
+    return compare(read_shapes(built[0]), read_shapes(built[1]))
+
+
+def test_walls_doors_and_rooms_are_found_at_their_place(comparison: Comparison) -> None:
+    for kind in ("walls", "doors", "spaces"):
+        found = comparison.classes[kind]
+        assert len(found.matches) == found.reference, kind
+    assert comparison.classes["walls"].largest("axis") < 0.010
+    assert comparison.classes["openings"].f1 > 0.85
+
+
+def test_the_file_is_valid_and_says_where_each_thickness_comes_from(built: tuple[Path, Path]) -> None:
+    file = ifcopenshell.open(str(built[0]))
+    logger = ifcopenshell.validate.json_logger()
+    ifcopenshell.validate.validate(file, logger)
+    assert not logger.statements
+    sets = [ifcopenshell.util.element.get_psets(wall)["BimVerify_Reconstruction"] for wall in file.by_type("IfcWall")]
+    sources = {properties["ThicknessSource"] for properties in sets}
+    assert sources == {"MEASURED", "REVEAL", "ASSUMED"}
+
+
+def test_a_model_equals_itself(built: tuple[Path, Path]) -> None:
+    same = compare(read_shapes(built[1]), read_shapes(built[1]))
+    assert same.quality == pytest.approx(0.0, abs=1e-7)  # an angle from its cosine carries the root of the round-off
+
+
+def test_a_scan_of_nothing_is_refused_in_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, out = tmp_path / "few.xyz", tmp_path / "out.ifc"
+    np.savetxt(path, np.random.default_rng(0).random((20, 3)))
+    assert main(["reconstruct", str(path), "--origin", "0,0,9", "--out", str(out), "--quiet"]) == 1
+    assert not out.exists()
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
