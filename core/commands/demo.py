@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 DEMO_VOXEL_M = 0.03
 """Voxels of the demo: as coarse as its scanner's returns lie apart."""
 DEMO_SPACING_M = 0.05
-"""Query positions of the demo: close enough to look at, and done in a minute."""
+"""Query positions of the demo: close enough to look at."""
 
 
 def _demo(values: Values, progress: Progress) -> Outcome:
