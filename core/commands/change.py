@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 from ..change.results import STATES, ChangeResult
 from ..errors import BimVerifyError
 from ..options import ChangeOptions
 from ..progress import Progress
-from .checks import check_folder, check_outputs, parse_origin, refuse_inputs, refuse_same
+from .checks import (
+    check_folder,
+    check_outputs,
+    check_report,
+    input_options,
+    larger_than_zero,
+    refuse_same,
+    zero_or_more,
+)
 from .table import COMMON, MODEL, ORIGIN, Argument, Command, Outcome, Values
 
 DEFAULT = ChangeOptions()
@@ -19,18 +26,13 @@ def change_options(values: Values) -> ChangeOptions:
     """Options of a comparison from a command's values."""
     from ..change.planned import parse_date
 
-    for key in ("voxel_mm", "sigma_mm", "memory_gb"):
-        if not 0 < values[key] < math.inf:
-            raise BimVerifyError(f"--{key.replace('_', '-')} must be a number larger than zero, not {values[key]:g}.")
+    larger_than_zero(values, "voxel_mm", "sigma_mm")
+    zero_or_more(values, "registration_sigma_mm")
     if not 1 <= values["voxel_mm"] <= 1000:
         raise BimVerifyError(f"--voxel-mm must be 1 to 1000 millimetres, not {values['voxel_mm']:g}.")
     if not 1 <= values["min_points"] <= 1000:
         raise BimVerifyError(f"--min-points must be 1 to 1000, not {values['min_points']}.")
-    if values["threads"] < 0:
-        raise BimVerifyError(f"--threads must be zero (all) or more, not {values['threads']}.")
     registration = values["registration_sigma_mm"]
-    if registration is not None and not 0 <= registration < math.inf:
-        raise BimVerifyError(f"--registration-sigma-mm must be zero or more, not {registration:g}.")
     if values["date"] and parse_date(values["date"]) is None:
         raise BimVerifyError(f"--date takes a day like 2025-03-31, not {values['date']!r}.")
     return ChangeOptions(
@@ -40,11 +42,7 @@ def change_options(values: Values) -> ChangeOptions:
         sigma=values["sigma_mm"] / 1000,
         registration_sigma=None if registration is None else registration / 1000,
         date=values["date"] or "",
-        scan_frame=values["frame"],
-        origin=parse_origin(values["origin"]),
-        threads=values["threads"],
-        memory_gb=values["memory_gb"],
-        cache=not values["no_cache"],
+        **input_options(values),
     )
 
 
@@ -61,9 +59,7 @@ def _change(values: Values, progress: Progress) -> Outcome:
     outputs = [values[key] for key in ("out", "voxels", "json") if values[key]]
     check_outputs(inputs, outputs)
     if values["report"]:
-        check_folder(values["report"])
-        refuse_same(values["report"], outputs)
-        refuse_inputs(inputs, [str(Path(values["report"]) / name) for name in (PAGE, TABLE)])
+        check_report(values["report"], (PAGE, TABLE), inputs, outputs)
     if values["remaining"]:
         check_folder(values["remaining"])
         refuse_same(values["remaining"], outputs)

@@ -2,22 +2,59 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
+from typing import Any
 
 from ..errors import BimVerifyError
 from ..files import check_writable
 
 
 def parse_origin(text: str | None) -> tuple[float, float, float] | None:
-    """``X,Y,Z`` in metres."""
+    """``--origin X,Y,Z`` in metres."""
+    return parse_place("--origin", text)
+
+
+def parse_place(option: str, text: str | None) -> tuple[float, float, float] | None:
+    """``X,Y,Z`` in metres, as ``option`` takes it."""
     if not text:
         return None
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError as error:
-        raise BimVerifyError(f"--origin takes three numbers X,Y,Z in metres, not {text!r}.") from error
+        raise BimVerifyError(f"{option} takes three numbers X,Y,Z in metres, not {text!r}.") from error
     return x, y, z
+
+
+def larger_than_zero(values: dict[str, Any], *keys: str) -> None:
+    """Refuse numbers that are not finite and larger than zero; one that was not given passes."""
+    for key in keys:
+        if values[key] is not None and not 0 < values[key] < math.inf:
+            raise BimVerifyError(f"{_option(key)} must be a number larger than zero, not {values[key]:g}.")
+
+
+def zero_or_more(values: dict[str, Any], *keys: str) -> None:
+    """Refuse numbers that are not finite and at least zero; one that was not given passes."""
+    for key in keys:
+        if values[key] is not None and not 0 <= values[key] < math.inf:
+            raise BimVerifyError(f"{_option(key)} must be zero or more, not {values[key]:g}.")
+
+
+def input_options(values: dict[str, Any]) -> dict[str, Any]:
+    """What the common arguments say of ``options.InputOptions``, checked."""
+    larger_than_zero(values, "memory_gb")
+    if values["threads"] < 0:
+        raise BimVerifyError(f"--threads must be zero (all) or more, not {values['threads']}.")
+    frame = {"scan_frame": values["frame"]} if "frame" in values else {}
+    return {
+        **frame, "origin": parse_origin(values["origin"]), "threads": values["threads"], "memory_gb": values["memory_gb"],
+        "cache": not values["no_cache"],
+    }
+
+
+def _option(key: str) -> str:
+    return f"--{key.replace('_', '-')}"
 
 
 def check_outputs(inputs: list[str], outputs: list[str]) -> None:
@@ -40,6 +77,13 @@ def refuse_inputs(inputs: list[str], outputs: list[str]) -> None:
     for output in outputs:
         if Path(output).resolve() in given:
             raise BimVerifyError(f"{output} is an input and is never written to; give another name for the output.")
+
+
+def check_report(folder: str, names: tuple[str, ...], inputs: list[str], outputs: list[str]) -> None:
+    """Refuse a report's folder that cannot be written, is another output, or in which ``names`` would replace an input."""
+    check_folder(folder)
+    refuse_same(folder, outputs)
+    refuse_inputs(inputs, [str(Path(folder) / name) for name in names])
 
 
 def check_folder(path: str) -> None:

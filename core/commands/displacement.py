@@ -9,7 +9,7 @@ from typing import Any
 from ..errors import BimVerifyError
 from ..files import whole_file
 from ..progress import Progress
-from .checks import check_outputs, parse_origin
+from .checks import check_outputs, input_options, parse_place
 from .table import COMMON, ORIGIN, Argument, Command, Outcome, Values
 
 COLUMNS = (
@@ -26,8 +26,7 @@ def _displacement(values: Values, progress: Progress) -> Outcome:
         raise BimVerifyError(f"--registration-sigma-mm must be 0 to 1000, not {sigma:g}.")
     check_outputs([values["base"], values["later"]], [values["out"]])
     options = DisplacementOptions(
-        registration_sigma=sigma / 1000, near=parse_origin(values["near"]), origin=parse_origin(values["origin"]),
-        threads=values["threads"], memory_gb=values["memory_gb"],
+        registration_sigma=sigma / 1000, near=parse_place("--near", values["near"]), **input_options(values),
     )
     result = displacement([values["base"]], [values["later"]], options, progress)
     rows = [_row(joint) for joint in result.joints]

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import BimVerifyError
 from ..planning.options import PlanOptions
-from ..planning.results import PlanResult
 from ..progress import Progress
-from ..report.plain_page import PAGE
-from .checks import check_folder, check_outputs, parse_origin
+from .checks import check_outputs, check_report, input_options, larger_than_zero, zero_or_more
 from .table import COMMON, MODEL, ORIGIN, Argument, Command, Outcome, Values
+
+if TYPE_CHECKING:
+    from ..planning.results import PlanResult
 
 DEFAULT = PlanOptions()
 SCANNERS = ("auto", "fast", "medium", "fine")
@@ -25,24 +27,17 @@ def plan_options(values: Values) -> PlanOptions:
         raise BimVerifyError(f"--max-incidence must be between 0 and 90 degrees, not {values['max_incidence']:g}.")
     if not 0 <= values["overlap"] < 1:
         raise BimVerifyError(f"--overlap must be a share, 0 to 1, not {values['overlap']:g}.")
-    for key in ("range_max", "spacing_mm"):
-        if values[key] is not None and not 0 < values[key] < math.inf:
-            raise BimVerifyError(f"--{key.replace('_', '-')} must be a number larger than zero, not {values[key]:g}.")
-    for key in ("setup_minutes", "registration_sigma_mm", "solve_seconds"):
-        if not 0 <= values[key] < math.inf:
-            raise BimVerifyError(f"--{key.replace('_', '-')} must be zero or more, not {values[key]:g}.")
+    larger_than_zero(values, "range_max", "spacing_mm")
+    zero_or_more(values, "setup_minutes", "registration_sigma_mm", "solve_seconds")
     if not 1 <= values["places"] <= 5000:
         raise BimVerifyError(f"--places must be 1 to 5000, not {values['places']}.")
-    if values["threads"] < 0:
-        raise BimVerifyError(f"--threads must be zero (all) or more, not {values['threads']}.")
     return PlanOptions(
         loa=values["loa"], scanner=values["scanner"], coverage=values["coverage"], classes=_words(values["classes"]),
         elements=_words(values["elements"]), max_incidence=math.radians(values["max_incidence"]),
         range_max=values["range_max"], spacing=None if values["spacing_mm"] is None else values["spacing_mm"] / 1000,
         registration_sigma=values["registration_sigma_mm"] / 1000, overlap=values["overlap"], candidates=values["places"],
         setup_minutes=values["setup_minutes"], solve_seconds=values["solve_seconds"], seed=values["seed"],
-        scan_frame=values["frame"], origin=parse_origin(values["origin"]), threads=values["threads"],
-        memory_gb=values["memory_gb"], cache=not values["no_cache"],
+        **input_options(values),
     )
 
 
@@ -54,12 +49,15 @@ def _plan(values: Values, progress: Progress) -> Outcome:
     from ..jobs import plan
     from ..planning.outputs import plan_to_json, write_plan_csv, write_plan_ifc, write_plan_json
     from ..planning.report import write_plan_report
+    from ..report.plain_page import PAGE
 
     options = plan_options(values)
     scans = values["add_to"] or []
-    check_outputs([values["model"], *scans], [values[key] for key in ("out", "csv", "ifc") if values[key]])
+    inputs = [values["model"], *scans]
+    outputs = [values[key] for key in ("out", "csv", "ifc", "json") if values[key]]
+    check_outputs(inputs, outputs)
     if values["report"]:
-        check_folder(values["report"])
+        check_report(values["report"], (PAGE,), inputs, outputs)
     result = plan(values["model"], options, progress.part(0.0, 0.95), scans)
     if not result.stations:
         if not result.existing:

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import BimVerifyError
 from ..progress import Progress
 from ..quality.options import QualityOptions
-from ..quality.results import QualityResult
-from ..report.plain_page import PAGE
-from .checks import check_folder, check_outputs, parse_origin
+from .checks import check_outputs, check_report, input_options, larger_than_zero
 from .table import COMMON, MODEL, ORIGIN, SCANS, Argument, Command, Outcome, Values
+
+if TYPE_CHECKING:
+    from ..quality.results import QualityResult
 
 DEFAULT = QualityOptions()
 
 
 def quality_options(values: Values) -> QualityOptions:
     """Options of a quality survey from a command's values."""
-    for key in ("spacing_mm", "patch_m", "window_mm", "memory_gb"):
-        if not 0 < values[key] < math.inf:
-            raise BimVerifyError(f"--{key.replace('_', '-')} must be a number larger than zero, not {values[key]:g}.")
+    larger_than_zero(values, "spacing_mm", "patch_m", "window_mm")
     if not 0 < values["coverage"] <= 1:
         raise BimVerifyError(f"--coverage must be a share, 0 to 1, not {values['coverage']:g}.")
     if not 0 < values["max_incidence"] < 90:
@@ -28,13 +28,10 @@ def quality_options(values: Values) -> QualityOptions:
     reach = values["range_max"]
     if reach is not None and not 0 < reach < math.inf:
         raise BimVerifyError(f"--range-max must be a number of metres larger than zero, not {reach:g}.")
-    if values["threads"] < 0:
-        raise BimVerifyError(f"--threads must be zero (all) or more, not {values['threads']}.")
     return QualityOptions(
         loa=values["loa"], sample_spacing=values["spacing_mm"] / 1000, patch_size=values["patch_m"],
         window=values["window_mm"] / 1000, max_incidence=math.radians(values["max_incidence"]), range_max=reach,
-        target_coverage=values["coverage"], scan_frame=values["frame"], origin=parse_origin(values["origin"]),
-        threads=values["threads"], memory_gb=values["memory_gb"], cache=not values["no_cache"],
+        target_coverage=values["coverage"], **input_options(values),
     )
 
 
@@ -43,12 +40,14 @@ def _quality(values: Values, progress: Progress) -> Outcome:
     from ..quality.json_out import quality_to_json, write_patches, write_quality_samples
     from ..quality.report import write_quality_report
     from ..quality.write_ifc import write_quality_ifc
+    from ..report.plain_page import PAGE
 
     options = quality_options(values)
-    outputs = [values[key] for key in ("out", "patches", "samples") if values[key]]
-    check_outputs([values["model"], *values["scan"]], outputs)
+    inputs = [values["model"], *values["scan"]]
+    outputs = [values[key] for key in ("out", "patches", "samples", "json") if values[key]]
+    check_outputs(inputs, outputs)
     if values["report"]:
-        check_folder(values["report"])
+        check_report(values["report"], (PAGE,), inputs, outputs)
     result = quality(values["model"], values["scan"], options, progress.part(0.0, 0.9))
     lines = [*quality_lines(result), f"Property sets: {values['out']}"]
     if values["report"]:

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-from ..errors import BimVerifyError
 from ..options import ReconstructOptions
 from ..progress import Progress
-from .checks import check_folder, check_outputs, parse_origin
+from .checks import check_outputs, check_report, input_options, larger_than_zero
 from .table import COMMON, ORIGIN, SCANS, Argument, Command, Outcome, Values
 
 
 def reconstruct_options(values: Values) -> ReconstructOptions:
     """Options of a reconstruction from a command's values."""
-    for key in ("sigma_mm", "memory_gb"):
-        if not 0 < values[key] < math.inf:
-            raise BimVerifyError(f"--{key.replace('_', '-')} must be a number larger than zero, not {values[key]:g}.")
-    if values["threads"] < 0:
-        raise BimVerifyError(f"--threads must be zero (all) or more, not {values['threads']}.")
-    return ReconstructOptions(
-        sigma=values["sigma_mm"] / 1000, origin=parse_origin(values["origin"]), threads=values["threads"],
-        memory_gb=values["memory_gb"],
-    )
+    larger_than_zero(values, "sigma_mm")
+    return ReconstructOptions(sigma=values["sigma_mm"] / 1000, **input_options(values))
 
 
 def _reconstruct(values: Values, progress: Progress) -> Outcome:
@@ -32,12 +23,14 @@ def _reconstruct(values: Values, progress: Progress) -> Outcome:
     from ..reconstruction.shapes import read_shapes, shapes_of
     from ..reconstruction.summary import reconstruction_to_json, summary_lines
     from ..reconstruction.write_ifc import building_file, write_reconstruction
+    from ..report.plain_page import PAGE
 
     options = reconstruct_options(values)
     inputs = [*values["scan"], *([values["compare"]] if values["compare"] else [])]
-    check_outputs(inputs, [values["out"]])
+    outputs = [values[key] for key in ("out", "json") if values[key]]
+    check_outputs(inputs, outputs)
     if values["report"]:
-        check_folder(values["report"])
+        check_report(values["report"], (PAGE,), inputs, outputs)
     reference = read_shapes(values["compare"]) if values["compare"] else None
     result = reconstruct(values["scan"], options, progress.part(0.0, 0.95))
     lines = summary_lines(result)

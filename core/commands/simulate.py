@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from ..errors import BimVerifyError
 from ..progress import Progress
-from .checks import check_outputs
+from .checks import check_outputs, zero_or_more
 from .table import COMMON, MODEL, Argument, Command, Outcome, Values
 
 GLASS = ("opaque", "lossy", "clear")
@@ -15,9 +14,7 @@ GLASS = ("opaque", "lossy", "clear")
 def _simulate(values: Values, progress: Progress) -> Outcome:
     from ..simulation.stations_file import simulate
 
-    for key in ("unevenness_mm", "pose_noise_mm", "pose_noise_deg"):
-        if not 0 <= values[key] < math.inf:
-            raise BimVerifyError(f"--{key.replace('_', '-')} must be zero or more, not {values[key]:g}.")
+    zero_or_more(values, "unevenness_mm", "pose_noise_mm", "pose_noise_deg")
     outputs = [values["out"]] + ([values["truth"]] if values["truth"] else [])
     check_outputs([values["model"], values["stations"]], outputs)
     written = simulate(

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
-from ..errors import BimVerifyError
 from ..options import VerifyOptions
 from ..progress import Progress
 from ..results import STATUSES, VerificationResult
 from ..sensing.presets import PRESETS
 from . import exports
-from .checks import check_folder, check_outputs, parse_origin, refuse_inputs, refuse_same
+from .checks import check_outputs, check_report, input_options, larger_than_zero, zero_or_more
 from .earlier import earlier_decisions, still_there
 from .table import COMMON, MODEL, ORIGIN, SCANS, Argument, Command, Outcome, Values
 
@@ -21,14 +19,9 @@ DEFAULT = VerifyOptions()
 
 def verify_options(values: Values) -> VerifyOptions:
     """Options of a verification from a command's values."""
-    for key in ("sigma_mm", "spacing_mm", "memory_gb"):
-        if not 0 < values[key] < math.inf:
-            raise BimVerifyError(f"--{key.replace('_', '-')} must be a number larger than zero, not {values[key]:g}.")
+    larger_than_zero(values, "sigma_mm", "spacing_mm")
+    zero_or_more(values, "registration_sigma_mm")
     registration = values["registration_sigma_mm"]
-    if registration is not None and not 0 <= registration < math.inf:
-        raise BimVerifyError(f"--registration-sigma-mm must be zero or more, not {registration:g}.")
-    if values["threads"] < 0:
-        raise BimVerifyError(f"--threads must be zero (all) or more, not {values['threads']}.")
     return VerifyOptions(
         loa=values["loa"],
         sigma=values["sigma_mm"] / 1000,
@@ -37,11 +30,7 @@ def verify_options(values: Values) -> VerifyOptions:
         sample_spacing=values["spacing_mm"] / 1000,
         fusion=values["fusion"],
         preset=values["preset"],
-        scan_frame=values["frame"],
-        origin=parse_origin(values["origin"]),
-        threads=values["threads"],
-        memory_gb=values["memory_gb"],
-        cache=not values["no_cache"],
+        **input_options(values),
     )
 
 
@@ -57,9 +46,7 @@ def _verify(values: Values, progress: Progress) -> Outcome:
     outputs = [values[key] for key in ("out", "samples", "json", *exports.KEYS) if values[key]]
     check_outputs(inputs, outputs)
     if values["report"]:
-        refuse_same(values["report"], outputs)
-        check_folder(values["report"])
-        refuse_inputs(inputs, [str(Path(values["report"]) / name) for name in (PAGE, TABLE)])
+        check_report(values["report"], (PAGE, TABLE), inputs, outputs)
     decisions = earlier_decisions(values["model"], values["out"], values["decisions"])
     found = verify(values["model"], values["scan"], options, progress.part(0.0, 0.8))
     result = replace(found, decisions=still_there(decisions, found))
