@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import signal
 import sys
@@ -15,7 +14,7 @@ from typing import Any
 from . import __version__
 from .core.commands import COMMANDS, Argument, Command, Outcome
 from .core.errors import BimVerifyError, Cancelled
-from .core.files import all_or_none, check_writable, whole_file
+from .core.files import all_or_none, check_writable
 from .core.progress import Progress
 
 DONE, FAILED, INTERRUPTED = 0, 1, 130
@@ -162,8 +161,9 @@ class _Bar:
 
 def _write_extras(outcome: Outcome, json_path: str | None, blend_path: str | None) -> None:
     if json_path:
-        with whole_file(json_path) as temporary:
-            temporary.write_text(json.dumps(outcome.data, indent=1, allow_nan=False), encoding="utf-8")
+        from .core.report.json_out import write_document
+
+        write_document(json_path, outcome.data)
     if blend_path:
         if outcome.result is None:
             raise BimVerifyError("--blend has nothing to show for this command; use it with verify or demo.")

@@ -15,7 +15,7 @@ from .. import project, scene
 from ..jobs import Job, Work
 from ..properties import ALIGN_ITEMS
 from ..session import SESSION
-from .file_browser import idle
+from .file_browser import has_model, has_scans, idle
 
 if TYPE_CHECKING:
     from ...core.results import AlignmentRecord
@@ -34,14 +34,7 @@ class BIMVERIFY_OT_align(Job["tuple[AlignmentRecord, NDArray[np.float64]]"], bpy
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        settings = context.scene.bim_verify
-        if not project.has_model(settings):
-            cls.poll_message_set("Import an IFC model first")
-            return False
-        if not any(scan.use for scan in settings.scans):
-            cls.poll_message_set("Add at least one scan first")
-            return False
-        return idle(cls)
+        return has_model(cls, context) and has_scans(cls, context) and idle(cls)
 
     def prepare(self, context: bpy.types.Context) -> Work[tuple[AlignmentRecord, NDArray[np.float64]]]:
         from ...core import jobs

@@ -11,7 +11,7 @@ from ...core.progress import Progress
 from .. import bonsai, change_scene, project, scene
 from ..jobs import Job, Work
 from ..session import SESSION
-from .file_browser import idle
+from .file_browser import has_model, has_scans, idle
 
 if TYPE_CHECKING:
     from ...core.change.results import ChangeResult
@@ -28,14 +28,7 @@ class BIMVERIFY_OT_change(Job["ChangeResult"], bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        settings = context.scene.bim_verify
-        if not project.has_model(settings):
-            cls.poll_message_set("Import an IFC model first")
-            return False
-        if not any(scan.use for scan in settings.scans):
-            cls.poll_message_set("Add at least one scan first")
-            return False
-        return idle(cls)
+        return has_model(cls, context) and has_scans(cls, context) and idle(cls)
 
     def prepare(self, context: bpy.types.Context) -> Work[ChangeResult]:
         from ...core import jobs

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import bpy
 
+from .. import project
 from ..session import SESSION
 
 
@@ -47,6 +48,22 @@ def idle(cls: type[bpy.types.Operator]) -> bool:
         cls.poll_message_set(f"{SESSION.job.title} is running; wait for it or press Esc")
         return False
     return True
+
+
+def has_model(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
+    """Part of ``poll``: a model is there, the scene's or Bonsai's."""
+    if project.has_model(context.scene.bim_verify):
+        return True
+    cls.poll_message_set("Import an IFC model first")
+    return False
+
+
+def has_scans(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
+    """Part of ``poll``: at least one scan is in use."""
+    if any(scan.use for scan in context.scene.bim_verify.scans):
+        return True
+    cls.poll_message_set("Add at least one scan first")
+    return False
 
 
 def has_result(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:

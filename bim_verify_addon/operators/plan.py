@@ -12,7 +12,7 @@ from ...core.progress import Progress
 from .. import project, scene
 from ..jobs import Job, Work
 from ..properties import LOA_ITEMS
-from .file_browser import idle
+from .file_browser import has_model, idle
 
 if TYPE_CHECKING:
     from ...core.planning.results import PlanResult
@@ -43,10 +43,7 @@ class BIMVERIFY_OT_plan(Job["PlanResult"], bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not project.has_model(context.scene.bim_verify):
-            cls.poll_message_set("Import an IFC model first")
-            return False
-        return idle(cls)
+        return has_model(cls, context) and idle(cls)
 
     def prepare(self, context: bpy.types.Context) -> Work[PlanResult]:
         from ...core import jobs

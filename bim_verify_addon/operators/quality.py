@@ -11,7 +11,7 @@ from ...core.progress import Progress
 from .. import bonsai, project, scene
 from ..jobs import Job, Work
 from ..properties import LOA_ITEMS
-from .file_browser import idle
+from .file_browser import has_model, has_scans, idle
 
 if TYPE_CHECKING:
     from ...core.quality.results import QualityResult
@@ -35,14 +35,7 @@ class BIMVERIFY_OT_quality(Job["tuple[QualityResult, SurveyDisplay]"], bpy.types
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        settings = context.scene.bim_verify
-        if not project.has_model(settings):
-            cls.poll_message_set("Import an IFC model first")
-            return False
-        if not any(scan.use for scan in settings.scans):
-            cls.poll_message_set("Add at least one scan first")
-            return False
-        return idle(cls)
+        return has_model(cls, context) and has_scans(cls, context) and idle(cls)
 
     def prepare(self, context: bpy.types.Context) -> Work[tuple[QualityResult, SurveyDisplay]]:
         from ...core import jobs

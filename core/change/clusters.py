@@ -29,6 +29,16 @@ def _root(parent: NDArray[np.int64], n: int) -> int:
     return n
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _neighbour(x: int, y: int, z: int, number: NDArray[np.int32], around: NDArray[np.int32]) -> int:
+    """Number of the voxel at a cell of a brick or just outside it (-1 to 8 per axis); -1 where there is none.
+
+    ``around`` (27,) are the rows of the brick's neighbours.
+    """
+    there = around[((x >> 3) + 1) * 9 + ((y >> 3) + 1) * 3 + (z >> 3) + 1]
+    return number[there, ((x & 7) << 6) | ((y & 7) << 3) | (z & 7)] if there >= 0 else -1
+
+
 @njit(cache=True, nogil=True)
 def _connect(
     index: NDArray[np.int64], number: NDArray[np.int32], around: NDArray[np.int32], row: NDArray[np.int32]
@@ -40,11 +50,7 @@ def _connect(
         for a in range(-1, 2):
             for b in range(-1, 2):
                 for c in range(-1, 2):
-                    x, y, z = i + a, j + b, k + c
-                    there = around[row[n], ((x >> 3) + 1) * 9 + ((y >> 3) + 1) * 3 + (z >> 3) + 1]
-                    if there < 0:
-                        continue
-                    m = number[there, ((x & 7) << 6) | ((y & 7) << 3) | (z & 7)]
+                    m = _neighbour(i + a, j + b, k + c, number, around[row[n]])
                     if 0 <= m < n:
                         p, q = _root(parent, n), _root(parent, m)
                         if p != q:
@@ -85,9 +91,7 @@ def _pull(
         for a in range(-1, 2):
             for b in range(-1, 2):
                 for c in range(-1, 2):
-                    x, y, z = i + a, j + b, k + c
-                    there = around[row[n], ((x >> 3) + 1) * 9 + ((y >> 3) + 1) * 3 + (z >> 3) + 1]
-                    if there >= 0 and number[there, ((x & 7) << 6) | ((y & 7) << 3) | (z & 7)] >= 0:
+                    if _neighbour(i + a, j + b, k + c, number, around[row[n]]) >= 0:
                         out[n, 0] += a
                         out[n, 1] += b
                         out[n, 2] += c

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
 from ..evidence.collect import StationIndexes
-from ..evidence.decide import GLAZED, Context, Place
+from ..evidence.decide import Context, Place, standing_shares
 from ..evidence.error_model import estimate_errors
 from ..evidence.gather import SensorModel
 from ..evidence.thresholds import Thresholds
-from ..evidence.verify import Scenery, looks_through_glass, places, with_glass
+from ..evidence.verify import Scenery, comes_near, looks_through_glass, places, with_glass
 from ..model.elements import BuildingModel
 from ..model.on_element import ElementSurfaces
 from ..model.raycast import RayScene
@@ -31,7 +31,6 @@ from ..sensing.loa import level_sigma, worst_voxel_shift
 Seen = Literal["STANDS", "GONE", "MOVED", "PART", "UNSEEN"]
 LOA = 30
 """Planned surfaces are taken to be this accurate (sigma 7.5 mm), the usual requirement for as-built models."""
-NEAR_M = 1.0
 
 
 @dataclass(frozen=True)
@@ -87,9 +86,7 @@ def look_at_elements(
         explain_within=thresholds.explain_within + 2 * sigma,
     )
     seen = scenery.look(scenery.plan_queries(), progress.part(0.0, 0.6))
-    low, high = model.bounds
-    near = ((seen.point >= low - NEAR_M) & (seen.point <= high + NEAR_M)).all(axis=1)
-    if not (near.any() or (seen.deviation < 0).any()):
+    if not comes_near(model, seen):
         names = ", ".join(s.name for s in stations.stations[:3])
         raise BimVerifyError(
             f"No return of the stations {names} comes near the model: scan and model are in different frames; "
@@ -136,9 +133,7 @@ def _sight(
         return sight("UNSEEN", "Other elements touch or enclose its whole surface.", where=False)
     if share < t.least_seen_share or plan.sightings < t.least_sightings:
         return sight("UNSEEN", f"Only {share:.1%} of its surface was in view of a station.", where=False)
-    absent, present = t.absent_share, t.present_share
-    if model.elements[row].ifc_class.startswith(GLAZED) and not model.transparent[_triangles(model, row)].any():
-        absent = present = t.glazed_share
+    absent, present = standing_shares(model.elements[row].ifc_class, model.transparent[_triangles(model, row)], t)
     if plan.share <= absent:
         return sight("GONE", f"Rays pass through {1 - plan.share:.0%} of the {share:.0%} of its surface in view.", where=False)
     if plan.share < present:

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..files import whole_file
 from ..options import ChangeOptions, VerifyOptions
 from ..progress import Progress
 from .table import COMMON, Argument, Command, Outcome, Values
@@ -25,7 +24,7 @@ DEMO_SPACING_M = 0.05
 def _demo(values: Values, progress: Progress) -> Outcome:
     from ..model.write_psets import write_verified_ifc
     from ..report.html import PAGE, write_report
-    from ..report.json_out import result_to_json
+    from ..report.json_out import result_to_json, write_document
     from ..report.samples_ply import write_samples
     from ..simulation.demo import make_demo
     from ..simulation.score import score
@@ -57,8 +56,7 @@ def _demo(values: Values, progress: Progress) -> Outcome:
         write_verified_ifc(files.model, result, folder / "house_verified.ifc")
         write_samples(folder / "samples.ply", result)
         write_report(folder / "report", result, progress=progress.part(0.9, 1.0))
-        with whole_file(folder / "result.json") as temporary:
-            temporary.write_text(json.dumps(data, indent=1, allow_nan=False), encoding="utf-8")
+        write_document(folder / "result.json", data)
 
     return Outcome([*lines, *changed], data, result, write)
 

@@ -49,7 +49,7 @@ def _plan(values: Values, progress: Progress) -> Outcome:
     from ..jobs import plan
     from ..planning.outputs import plan_to_json, write_plan_csv, write_plan_ifc, write_plan_json
     from ..planning.report import write_plan_report
-    from ..report.plain_page import PAGE
+    from ..report.page_frame import PAGE
 
     options = plan_options(values)
     scans = values["add_to"] or []

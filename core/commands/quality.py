@@ -40,7 +40,7 @@ def _quality(values: Values, progress: Progress) -> Outcome:
     from ..quality.json_out import quality_to_json, write_patches, write_quality_samples
     from ..quality.report import write_quality_report
     from ..quality.write_ifc import write_quality_ifc
-    from ..report.plain_page import PAGE
+    from ..report.page_frame import PAGE
 
     options = quality_options(values)
     inputs = [values["model"], *values["scan"]]

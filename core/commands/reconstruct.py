@@ -23,7 +23,7 @@ def _reconstruct(values: Values, progress: Progress) -> Outcome:
     from ..reconstruction.shapes import read_shapes, shapes_of
     from ..reconstruction.summary import reconstruction_to_json, summary_lines
     from ..reconstruction.write_ifc import building_file, write_reconstruction
-    from ..report.plain_page import PAGE
+    from ..report.page_frame import PAGE
 
     options = reconstruct_options(values)
     inputs = [*values["scan"], *([values["compare"]] if values["compare"] else [])]

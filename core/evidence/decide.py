@@ -141,7 +141,7 @@ def conclude(
     ratio, achieved = _levels(deviation[measured], evidence.sigma[rows][exposed][measured], area[measured],
                               seen_area, context)
     vector, sigma, length, significant = _test(best.fit, context)
-    standing = _standing_shares(number, model, rows, samples, t)
+    standing = standing_shares(element.ifc_class, model.transparent[samples.triangle[rows]], t)
     status, reason = _status(plan, best, whole, seen_area, ratio[context.loa], length, bound, standing, context)
     if status in ("ABSENT", "NOTOBSERVED"):
         vector = sigma = length = significant = None
@@ -166,13 +166,12 @@ GLAZED = ("IfcWindow", "IfcDoor", "IfcCurtainWall", "IfcRoofLight")
 """Classes that usually hold panes, marked as glass or not."""
 
 
-def _standing_shares(
-    number: int, model: BuildingModel, rows: slice, samples: SurfaceSamples, t: Thresholds
-) -> tuple[float, float]:
-    """(absent up to this share at the place, present from this share on)."""
-    pane_unmarked = model.elements[number].ifc_class.startswith(GLAZED) and not (
-        model.transparent[samples.triangle[rows]].any()
-    )
+def standing_shares(ifc_class: str, transparent: NDArray[np.bool_], t: Thresholds) -> tuple[float, float]:
+    """(absent up to this share at the place, present from this share on).
+
+    ``transparent`` (K,) of the element's own surface: a glazed class without any has panes that are not marked.
+    """
+    pane_unmarked = ifc_class.startswith(GLAZED) and not transparent.any()
     return (t.glazed_share, t.glazed_share) if pane_unmarked else (t.absent_share, t.present_share)
 
 

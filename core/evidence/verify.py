@@ -20,6 +20,8 @@ from .outline import RING_M, goes_on, ring
 from .sightings import AT, BEYOND, Sightings, explain
 from .slide import candidate_slides, probe_slides
 
+NEAR_M = 1.0
+"""A return within this distance of the model's box comes near it."""
 COVER_M = 0.05
 """What lies this close around an element may be hidden by it."""
 CLEARLY_MOVED_M2 = 1e6
@@ -111,6 +113,13 @@ class AsBuilt:
 def with_glass(scenery: Scenery, seen: Sightings, triangle: NDArray[np.int32], see_through: bool) -> Sightings:
     """The same sightings, knowing which queries (their ``triangle`` (M,)) lie on glass the scanner looked through."""
     return Sightings(**{**vars(seen), "glass": scenery.model.transparent[triangle] & see_through})
+
+
+def comes_near(model: BuildingModel, seen: Sightings) -> bool:
+    """Whether any return lies near the model or behind a part of it: rays of a scan elsewhere all end far before it."""
+    low, high = model.bounds
+    near = ((seen.point >= low - NEAR_M) & (seen.point <= high + NEAR_M)).all(axis=1)
+    return bool(near.any() or (seen.deviation < 0).any())
 
 
 def looks_through_glass(scenery: Scenery, seen: Sightings, window: float) -> bool:

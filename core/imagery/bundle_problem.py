@@ -57,7 +57,6 @@ class BundleProblem:
     observed: ImageObservations
     control: Control = field(default_factory=Control.none)
     free: tuple[str, ...] = ()
-    point_names: tuple[str, ...] = ()
 
     def check(self) -> None:
         """Raise BimVerifyError when indices or numbers cannot be right."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
-from .camera import Camera, rotation_matrix, rotation_vector
+from .camera import Camera, rotation_vector
 from .gauss_helmert import Adjustment, Observations, Parametrisation, adjust
 from .uncertain_lines import LineMatches, conditioning, homogeneous, normalise, pad
 
@@ -216,8 +216,3 @@ def _pose_covariance(found: Adjustment, back: Vector, model: Vector, like: Camer
         slope = (pose_difference(ends[0], camera) - pose_difference(ends[1], camera)) / 2e-3
         out += np.outer(slope, slope)
     return out
-
-
-def rotated(camera: Camera, vector: Vector) -> Camera:
-    """The camera turned about its own centre by a rotation vector (3,) [rad] in the camera frame."""
-    return replace(camera, rotation=rotation_matrix(vector) @ camera.rotation)

@@ -25,7 +25,6 @@ from .inputs import Stopwatch, limited_threads
 
 Array = NDArray[np.float64]
 NARROWEST_COLUMN_M = 0.3
-WIDEST_COLUMN_M = 4.0
 STRIP_M = 1.5
 """Width of the strips that a wall without visible vertical joints is cut into."""
 LEAST_POINTS = 100

@@ -21,7 +21,7 @@ from ..evidence.fuse_samples import fuse_samples
 from ..evidence.gather import SensorModel
 from ..evidence.sightings import Sightings
 from ..evidence.thresholds import Thresholds
-from ..evidence.verify import Findings, Scenery, looks_through_glass, places, with_glass
+from ..evidence.verify import Findings, Scenery, comes_near, looks_through_glass, places, with_glass
 from ..model.elements import BuildingModel
 from ..model.on_element import ElementSurfaces
 from ..model.raycast import RayScene
@@ -34,9 +34,6 @@ from ..scans.store import ReturnStore
 from ..sensing.loa import UPPER_BOUND_M, level_sigma
 from ..sensing.presets import PRESETS, ZONE_SIGMAS
 from .inputs import Stopwatch, limited_threads, open_campaign, open_model
-
-NEAR_M = 1.0
-"""A return within this distance of the model's box comes near it."""
 
 
 def verify(
@@ -100,7 +97,7 @@ def _verify(
             explain_within=min(UPPER_BOUND_M[options.loa], Thresholds.explain_within) + 2 * options.sigma,
         )
         seen = scenery.look(scenery.plan_queries(), progress.part(0.4, 0.75))
-        if not _concerns(model, seen):
+        if not comes_near(model, seen):
             raise BimVerifyError(_far_away(model, source))
         context = _context(scenery, seen, options, record)
         seen = with_glass(scenery, seen, samples.triangle[seen.sample], context.see_through)
@@ -143,13 +140,6 @@ def _context(scenery: Scenery, seen: Sightings, options: VerifyOptions, record: 
         see_through=looks_through_glass(scenery, seen, window), thresholds=thresholds,
         station_names=tuple(s.name for s in scenery.stations.stations),
     )
-
-
-def _concerns(model: BuildingModel, seen: Sightings) -> bool:
-    """Whether any return lies near the model or behind a part of it: rays of a scan elsewhere all end far before it."""
-    low, high = model.bounds
-    near = ((seen.point >= low - NEAR_M) & (seen.point <= high + NEAR_M)).all(axis=1)
-    return bool(near.any() or (seen.deviation < 0).any())
 
 
 def _far_away(model: BuildingModel, source: ScanSource) -> str:

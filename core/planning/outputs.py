@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from ..files import whole_file
 from ..model.write_psets import require_owner, write_ifc_copy
-from ..report.csv_out import guard
-from ..report.json_out import to_plain
+from ..report.csv_out import csv_bytes, guard
+from ..report.json_out import to_plain, write_document
 from .results import PlanResult
 
 FORMAT, FORMAT_VERSION = "bim_verify.plan", 1
@@ -43,25 +40,24 @@ def plan_to_json(result: PlanResult) -> dict[str, Any]:
 
 def write_plan_json(path: str | Path, result: PlanResult) -> None:
     """Write ``plan_to_json``; BimVerifyError when ``path`` cannot be written."""
-    with whole_file(path) as temporary:
-        temporary.write_text(json.dumps(plan_to_json(result), indent=1, allow_nan=False), encoding="utf-8")
+    write_document(path, plan_to_json(result))
 
 
 def write_plan_csv(path: str | Path, result: PlanResult) -> None:
     """One line per station, in the order to scan in; metres, model frame."""
-    text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    writer.writerow([
+    header = (
         "Name", "X_m", "Y_m", "Z_m", "Floor_m", "Minutes", "Area_m2", "NewArea_m2", "Actions", "LinkedTo", "Elements",
-    ])
-    for s in result.stations:
-        writer.writerow([
+    )
+    rows = (
+        [
             guard(s.name), *(f"{x:.3f}" for x in s.position), "" if s.floor is None else f"{s.floor:.3f}",
             f"{s.minutes:.1f}", f"{s.area:.2f}", f"{s.new_area:.2f}", " ".join(s.actions), guard("; ".join(s.linked_to)),
             " ".join(s.for_elements),
-        ])
+        ]
+        for s in result.stations
+    )
     with whole_file(path) as temporary:
-        temporary.write_bytes(b"\xef\xbb\xbf" + text.getvalue().encode("utf-8", "replace"))
+        temporary.write_bytes(csv_bytes(header, rows))
 
 
 def write_plan_ifc(source_ifc: str | Path, result: PlanResult, out: str | Path) -> None:

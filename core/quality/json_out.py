@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from pathlib import Path
 from typing import Any
@@ -11,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from ..files import whole_file
-from ..report.csv_out import guard
+from ..report.csv_out import csv_bytes, guard
 from ..report.json_out import to_plain
 from ..scans.write_ply import write_ply
 from .missing import CAUSES, NO_STATION, OCCLUDED, SEEN, TURNED_AWAY
-from .results import Measured, QualityResult
+from .results import Measured, PatchQuality, QualityResult
 
 FORMAT, FORMAT_VERSION = "bim_verify.quality", 1
 CAUSE_COLORS: dict[str, tuple[int, int, int]] = {
@@ -55,21 +53,21 @@ def quality_to_json(result: QualityResult) -> dict[str, Any]:
 
 def write_patches(path: str | Path, result: QualityResult) -> None:
     """One line per patch, UTF-8 with a byte order mark; lengths in millimetres, angles in degrees, positions in metres."""
-    text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    writer.writerow([
+    header = (
         "GlobalId", "Class", "Name", "X_m", "Y_m", "Z_m", "NormalX", "NormalY", "NormalZ", "Area_m2", "Coverage",
         "Spacing_mm", "SpacingP95_mm", "Consistency", "Noise_mm", "IncidenceP95_deg", "Range_m", "Registration_mm",
         *(cause.title().replace(" ", "") for cause in CAUSES.values()),
-    ])
-    for patch in result.patches:
-        element, m = result.model.elements[patch.element], patch.measured
-        writer.writerow([
+    )
+
+    def row(patch: PatchQuality) -> list[str]:
+        element = result.model.elements[patch.element]
+        return [
             guard(element.global_id), guard(element.ifc_class), guard(element.name),
-            *(f"{x:.3f}" for x in (*patch.center, *patch.normal)), *_numbers(m),
-        ])
+            *(f"{x:.3f}" for x in (*patch.center, *patch.normal)), *_numbers(patch.measured),
+        ]
+
     with whole_file(path) as temporary:
-        temporary.write_bytes(b"\xef\xbb\xbf" + text.getvalue().encode("utf-8", "replace"))
+        temporary.write_bytes(csv_bytes(header, map(row, result.patches)))
 
 
 def _numbers(m: Measured) -> list[str]:

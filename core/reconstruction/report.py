@@ -68,7 +68,7 @@ def write_reconstruction_report(folder: str | Path, result: Reconstruction, comp
 def _caption(storey: BuiltStorey) -> str:
     assumed = sum(w.fit.thickness_source == ASSUMED for w in storey.walls)
     return (
-        f"{len(storey.rooms)} rooms, {len(storey.walls)} walls; hatched in grey light: {assumed} walls whose thickness is "
+        f"{len(storey.rooms)} rooms, {len(storey.walls)} walls; light grey: {assumed} walls whose thickness is "
         "assumed. Doors brown, windows blue, openings without a leaf grey."
     )
 

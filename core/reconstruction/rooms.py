@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -274,8 +274,3 @@ def _stands(hole: Polygon, faces: list[Face], floor: float, ceiling: float) -> b
         return False
     rows = np.unique(((np.array(levels) - floor) / 0.1).astype(np.int64))
     return len(rows) * 0.1 > 0.7 * (ceiling - floor)
-
-
-def with_outline(room: Room, edges: list[RoomEdge]) -> Room:
-    """The same room with refitted sides."""
-    return replace(room, outline=Polygon([e.start for e in edges]), edges=tuple(edges))

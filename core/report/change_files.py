@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +12,7 @@ from ..change.results import DISAPPEARED, ChangeResult
 from ..change.voxels import VoxelCloud
 from ..files import whole_file
 from ..scans.write_ply import write_ply
-from .csv_out import guard
+from .csv_out import csv_bytes, guard
 from .json_out import to_plain
 from .palette import VOXEL_COLORS, to_bytes
 
@@ -56,18 +54,16 @@ def change_to_json(result: ChangeResult) -> dict[str, Any]:
 
 def changes_csv(result: ChangeResult) -> bytes:
     """One line per element, UTF-8 with a byte order mark."""
-    text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    writer.writerow(COLUMNS)
-    for e, plan in zip(result.elements, result.planned, strict=True):
-        writer.writerow([
+    return csv_bytes(COLUMNS, (
+        [
             *(guard(v) for v in (e.global_id, e.ifc_class, e.name, e.storey)), e.state, e.expected,
             "" if e.agrees is None else str(e.agrees).upper(), e.progress,
             *(f"{v:.4f}" for v in (e.confirmed_ratio, e.disappeared_ratio, e.new_ratio, e.unknown_ratio)),
             *(f"{v:.5f}" for v in (e.volume, e.disappeared_volume, e.built_volume)),
             "" if e.shift is None else f"{1000 * e.shift:.1f}", guard(plan.task), guard(e.reason),
-        ])  # fmt: skip
-    return b"\xef\xbb\xbf" + text.getvalue().encode("utf-8", "replace")
+        ]
+        for e, plan in zip(result.elements, result.planned, strict=True)
+    ))  # fmt: skip
 
 
 def write_voxels(path: str | Path, result: ChangeResult) -> None:

@@ -6,16 +6,14 @@ import base64
 from pathlib import Path
 from typing import Any
 
-import jinja2
-
 from ..change.results import PROGRESS, STATES, ChangeResult, State
-from ..errors import BimVerifyError
-from ..files import whole_file
+from ..files import make_folder, whole_file
 from ..progress import Progress
 from ..sensing.loa import label, supported_level, worst_voxel_shift
 from . import palette
 from .change_files import changes_csv
-from .html import FOLDER, _csp_hash, format_number, format_percent
+from .html import TABLE, format_number, format_percent
+from .page_frame import PAGE, policy_hash, source, templates
 
 SIGNS: dict[State, str] = {"CONFIRMED": "✓", "NEW": "+", "DISAPPEARED": "✕", "PARTIAL": "◐", "UNKNOWN": "?"}
 ORDER: tuple[State, ...] = ("DISAPPEARED", "NEW", "PARTIAL", "UNKNOWN", "CONFIRMED")
@@ -27,29 +25,20 @@ def write_change_report(folder: str | Path, result: ChangeResult, *, progress: P
 
     The page loads nothing and runs no script. Raises BimVerifyError when the folder cannot be written.
     """
-    target = Path(folder)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BimVerifyError(
-            f"Cannot make the report folder {target}: {error.strerror or error}. Choose another place."
-        ) from error
+    target = make_folder(folder)
     page = render_change_page(result)
-    with whole_file(target / "index.html") as temporary:
+    with whole_file(target / PAGE) as temporary:
         temporary.write_text(page, encoding="utf-8", errors="replace")
-    with whole_file(target / "elements.csv") as temporary:
+    with whole_file(target / TABLE) as temporary:
         temporary.write_bytes(changes_csv(result))
     (progress or Progress()).update(1.0, "Report written")
-    return target / "index.html"
+    return target / PAGE
 
 
 def render_change_page(result: ChangeResult) -> str:
     """The whole page as text."""
-    style = _colors() + (FOLDER / "page.css").read_text(encoding="utf-8") + (FOLDER / "change.css").read_text(encoding="utf-8")
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
-        loader=jinja2.FileSystemLoader(FOLDER),
-    )
+    style = _colors() + source("page.css", "change.css")
+    environment = templates()
     environment.filters |= {"pct": format_percent, "number": format_number}
     voxels = [int((result.voxels.state == code).sum()) for code in (1, 2, 3, 0)]
     series = [*([result.reference] if result.reference else []), *result.epochs]
@@ -58,7 +47,7 @@ def render_change_page(result: ChangeResult) -> str:
     )
     return environment.get_template("change.html").render(
         style=style,
-        style_hash=_csp_hash(style),
+        style_hash=policy_hash(style),
         r=result,
         rows=rows,
         states=[

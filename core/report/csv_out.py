@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from ..files import whole_file
@@ -45,18 +45,23 @@ def elements_rows(result: VerificationResult) -> Iterator[list[Cell]]:
 
 def elements_csv(result: VerificationResult) -> bytes:
     """One line per element, UTF-8 with a byte order mark, lengths in millimetres, empty where nothing is known."""
-    text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    writer.writerow(HEADER)
-    for row in elements_rows(result):
-        writer.writerow([_cell(name, value) for name, value in zip(HEADER, row, strict=True)])
-    return b"\xef\xbb\xbf" + text.getvalue().encode("utf-8", "replace")
+    rows = elements_rows(result)
+    return csv_bytes(HEADER, ([_cell(name, value) for name, value in zip(HEADER, row, strict=True)] for row in rows))
 
 
 def write_csv(path: str | Path, result: VerificationResult) -> None:
     """Write ``elements_csv``; BimVerifyError when ``path`` cannot be written."""
     with whole_file(path) as temporary:
         temporary.write_bytes(elements_csv(result))
+
+
+def csv_bytes(header: Iterable[str], rows: Iterable[Iterable[Cell]]) -> bytes:
+    """A table as CSV in UTF-8 with a byte order mark, as spreadsheets know it. Texts are guarded by the caller."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(header)
+    writer.writerows(rows)
+    return b"\xef\xbb\xbf" + text.getvalue().encode("utf-8", "replace")
 
 
 def guard(text: str) -> str:

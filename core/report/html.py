@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import base64
-import hashlib
 import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 
 from ..files import make_folder, whole_file
@@ -19,11 +17,11 @@ from ..sensing.loa import UPPER_BOUND_M
 from . import charts, palette
 from .csv_out import elements_csv, write_csv
 from .json_out import to_plain
+from .page_frame import PAGE, policy_hash, source, templates
 from .pictures import PICK_SCALE, SIZE, report_pictures
 from .rows import ELEMENT_BINS, element_rows, group_counts, weighted_quantile
 
-FOLDER = Path(__file__).parent
-PAGE, TABLE = "index.html", "elements.csv"
+TABLE = "elements.csv"
 """What is in the folder of a report."""
 OPTION_LABELS = {
     "loa": "Level of accuracy asked for",
@@ -64,19 +62,16 @@ def render_page(result: VerificationResult, *, progress: Progress | None = None)
     progress = progress or Progress()
     limit = UPPER_BOUND_M[result.options.loa]
     rows = element_rows(result)
-    style = _colors_css() + (FOLDER / "page.css").read_text(encoding="utf-8")
-    script = (FOLDER / "page.js").read_text(encoding="utf-8")
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
-        loader=jinja2.FileSystemLoader(FOLDER),
-    )
+    style = _colors_css() + source("page.css")
+    script = source("page.js")
+    environment = templates()
     environment.policies["json.dumps_kwargs"] = {"allow_nan": False, "sort_keys": False, "separators": (",", ":")}
     environment.filters |= {"mm": format_mm, "pct": format_percent, "number": format_number}
     return environment.get_template("page.html").render(
         style=style,
-        style_hash=_csp_hash(style),
+        style_hash=policy_hash(style),
         script=script,
-        script_hash=_csp_hash(script),
+        script_hash=policy_hash(script),
         r=result,
         rows=rows,
         facts=_facts(result),
@@ -207,5 +202,3 @@ def _colors_css() -> str:
     return ":root{" + ";".join(pairs) + "}\n"
 
 
-def _csp_hash(text: str) -> str:
-    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")

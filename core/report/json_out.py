@@ -52,9 +52,13 @@ def result_to_json(result: VerificationResult) -> dict[str, Any]:
 
 def write_json(path: str | Path, result: VerificationResult) -> None:
     """Write ``result_to_json`` as strict JSON in ASCII; BimVerifyError when ``path`` cannot be written."""
-    text = json.dumps(result_to_json(result), allow_nan=False, indent=1)
+    write_document(path, result_to_json(result))
+
+
+def write_document(path: str | Path, document: dict[str, Any]) -> None:
+    """Write what ``to_plain`` made as strict JSON in ASCII; BimVerifyError when ``path`` cannot be written."""
     with whole_file(path) as temporary:
-        temporary.write_text(text + "\n", encoding="ascii")
+        temporary.write_text(json.dumps(document, indent=1, allow_nan=False), encoding="ascii")
 
 
 def to_plain(value: Any) -> Any:

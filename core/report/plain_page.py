@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import jinja2
 from markupsafe import Markup
 
-from ..errors import BimVerifyError
-from ..files import whole_file
-
-FOLDER = Path(__file__).parent
-PAGE = "index.html"
+from ..files import make_folder, whole_file
+from .page_frame import PAGE, policy_hash, source, templates
 
 
 @dataclass(frozen=True)
@@ -36,22 +30,11 @@ def write_page(
     sections: Sequence[Section],
 ) -> Path:
     """Write ``index.html`` into ``folder`` (made if missing) and return its path; BimVerifyError where that fails."""
-    target = Path(folder)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BimVerifyError(
-            f"Cannot make the report folder {target}: {error.strerror or error}. Choose another place."
-        ) from error
-    style = "".join((FOLDER / name).read_text(encoding="utf-8") for name in ("page.css", "plain_page.css"))
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
-        loader=jinja2.FileSystemLoader(FOLDER),
-    )
-    digest = base64.b64encode(hashlib.sha256(style.encode("utf-8")).digest()).decode("ascii")
-    page = environment.get_template("plain_page.html").render(
+    target = make_folder(folder)
+    style = source("page.css", "plain_page.css")
+    page = templates().get_template("plain_page.html").render(
         title=title, eyebrow=eyebrow, headline=headline, meta=meta, sections=sections, style=style,
-        style_hash=f"sha256-{digest}",
+        style_hash=policy_hash(style),
     )
     with whole_file(target / PAGE) as temporary:
         temporary.write_text(page, encoding="utf-8", errors="replace")

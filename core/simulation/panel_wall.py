@@ -19,7 +19,6 @@ from .scene import Scene, Unevenness
 Array = NDArray[np.float64]
 Relief = Literal["plain", "ridges", "bricks"]
 
-GROUND_DEPTH_M = 4.0
 RIDGE_PITCH_M, RIDGE_DEPTH_M = 0.15, 0.008
 COURSE_M, COURSE_GROOVE_M, COURSE_DEPTH_M = 0.15, 0.012, 0.006
 
