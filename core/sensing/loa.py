@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from scipy.special import ndtr, ndtri
-
 UPPER_BOUND_M: dict[int, float] = {10: 0.15, 20: 0.05, 30: 0.015, 40: 0.005, 50: 0.001}
 """Upper bound of each level at 95 % (two sigma), metres."""
 LEVELS = (10, 20, 30, 40, 50)
@@ -37,13 +35,15 @@ def convert_confidence(confidence: float, sigma_from: float, sigma_to: float) ->
 
     z = Phi^-1((1 + conf)/2); conf' = 2 Phi(z sigma_to / sigma_from) - 1.
     """
+    from scipy.special import ndtri  # here: levels are read at every start, this is not
+
     z = float(ndtri((1.0 + confidence) / 2.0))
-    return float(2.0 * ndtr(z * sigma_to / sigma_from) - 1.0)
+    return probability_within(z * sigma_to, sigma_from)
 
 
 def probability_within(bound: float, sigma: float) -> float:
     """P(|x| <= bound) of a centred normal variable: 2 Phi(bound / sigma) - 1."""
-    return float(2.0 * ndtr(bound / sigma) - 1.0)
+    return math.erf(bound / (math.sqrt(2.0) * sigma))
 
 
 def convert_belief(belief: float, sigma_measured: float, sigma_level: float) -> float:
