@@ -100,6 +100,8 @@ def main() -> None:
                 now = write_campaign(epoch, folder / "now")
                 for reference in (None, [then.scan_path]):
                     result = change(model, [[now.scan_path]], reference, settings)
+                    print(f"{path.name} seed {seed} against {'a reference' if reference else 'the model'}: "
+                          + ", ".join(f"{k} {v:.0f} s" for k, v in result.timings.items()), flush=True)
                     score(result, model, epoch, built if reference else set(), now.truth, then.truth if reference else None,
                           table, volumes, false_gone, misses, f"{path.name} seed {seed}")
     report(table, volumes, false_gone, misses[: options.misses])

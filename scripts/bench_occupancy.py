@@ -1,9 +1,11 @@
 """Exact ray traversal against the fast way: time, agreement of labels near surfaces, memory.
 
-    python scripts/bench_occupancy.py [--rays 30000000] [--voxel-mm 10] [--room 12,8,3.5] [--threads N] [--exact-share 1]
+    python scripts/bench_occupancy.py [--rays 30000000] [--voxel-mm 10] [--room 12,8,3.5] [--threads N] [--no-exact]
 
-The rays are those of stations in a furnished room; both ways get the same rays, the same guards and the same threads.
-Labels are compared on all voxels within two voxels of an occupied one.
+The rays are those of stations in a furnished room, read and kept as ``change`` keeps them (``--memory-gb``, beyond it in a
+temporary file). Both ways get the same rays, sorted the same way, with the same guards, the same voxels and the same threads:
+"shared" is what both need (sorting, guards of rays, votes of returns, voxels that are settled by votes), "free space" is what
+differs: walking all rays, or asking the voxels. Labels are compared on all voxels within two voxels of an occupied one.
 """
 
 from __future__ import annotations
@@ -11,21 +13,36 @@ from __future__ import annotations
 import argparse
 import resource
 import time
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numba import njit, prange, set_num_threads
 from numpy.typing import NDArray
 
-from bim_verify.core.evidence.station_index import build_index
+from bim_verify.core.change.look import sensor_model
+from bim_verify.core.evidence.collect import StationIndexes
 from bim_verify.core.occupancy.bricks import BrickTable
-from bim_verify.core.occupancy.clear_range import clear_range
-from bim_verify.core.occupancy.epoch import UNSEEN, cell_set, conclude, neighbour_keys, settled
+from bim_verify.core.occupancy.epoch import (
+    EMPTY,
+    UNSEEN,
+    cell_set,
+    conclude,
+    neighbour_keys,
+    occupied_voxels,
+    owned,
+    settled,
+)
 from bim_verify.core.occupancy.free_space import PASSED, label_voxels
 from bim_verify.core.occupancy.grid import CELLS, VoxelGrid
+from bim_verify.core.occupancy.station_rays import station_rays
 from bim_verify.core.occupancy.traverse import walk_rays
-from bim_verify.core.occupancy.votes import Votes
+from bim_verify.core.progress import Progress
+from bim_verify.core.scans.campaign import DropCount, ReturnBlock, Station
+from bim_verify.core.scans.store import ReturnStore
 
 NEAR_VOXELS = 2
+BLOCK = 262_144
+SPOTS = ((0.2, 0.25), (0.75, 0.3), (0.5, 0.6), (0.25, 0.8), (0.8, 0.75))
 
 
 @njit(cache=True, parallel=True)
@@ -50,132 +67,156 @@ def _cast(direction: NDArray[np.float64], station: NDArray[np.float64], size: ND
     return out
 
 
-def scan(station: NDArray[np.float64], count: int, size: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
-    """(N, 3) returns of a scanner on its regular grid in the room, from the station [m]; noise 1.5 mm."""
-    rows = int(np.sqrt(count / 2.4))
-    columns = count // rows
-    elevation = np.linspace(np.radians(-60), np.radians(89.9), rows)[:, None]
-    azimuth = np.linspace(0, 2 * np.pi, columns, endpoint=False)[None, :]
-    flat = np.cos(elevation)
-    direction = np.stack(
-        [flat * np.cos(azimuth), flat * np.sin(azimuth), np.broadcast_to(np.sin(elevation), (rows, columns))], axis=2
-    ).reshape(-1, 3)
-    random = np.random.default_rng(7)
-    low = random.uniform([0.3, 0.3, 0.0], [size[0] - 1.2, size[1] - 1.2, 0.6], (14, 3))
-    low[:10, 2] = 0.0
-    boxes = np.stack([low, low + random.uniform(0.15, 0.9, (14, 3))], axis=1)
-    boxes = boxes[[not ((b[0] - 0.4 < station) & (b[1] + 0.4 > station)).all() for b in boxes]]
-    reach = _cast(np.ascontiguousarray(direction), station, size, boxes)
-    reach += 0.0015 * np.random.default_rng(seed).standard_normal(len(reach))
-    direction *= reach[:, None]
-    return direction
+class Room:
+    """A scan source that makes the returns of scanners on their regular grids in a furnished room; noise 1.5 mm."""
+
+    paths: tuple[str, ...] = ("room",)
+
+    def __init__(self, size: NDArray[np.float64], rays: int, stations: int) -> None:
+        self.size, self.dropped = size, DropCount()
+        self.stations = tuple(
+            Station(f"station {n}", np.array([x * size[0], y * size[1], 1.6]) + 0.0123)
+            for n, (x, y) in enumerate(SPOTS[:stations])
+        )
+        self._rows = int(np.sqrt(rays / stations / 2.4))
+        self._columns = rays // stations // self._rows
+        random = np.random.default_rng(7)
+        low = random.uniform([0.3, 0.3, 0.0], [size[0] - 1.2, size[1] - 1.2, 0.6], (14, 3))
+        low[:10, 2] = 0.0
+        self._boxes = np.stack([low, low + random.uniform(0.15, 0.9, (14, 3))], axis=1)
+
+    @property
+    def point_count(self) -> int:
+        return len(self.stations) * self._rows * self._columns
+
+    def blocks(self, block_size: int = BLOCK, *, attributes: bool = False) -> Iterator[ReturnBlock]:
+        """Row after row."""
+        for number, station in enumerate(self.stations):
+            random = np.random.default_rng(number)
+            here = station.position
+            free = [not ((b[0] - 0.4 < here) & (b[1] + 0.4 > here)).all() for b in self._boxes]
+            at_once = max(block_size // self._columns, 1)
+            elevation = np.linspace(np.radians(-60), np.radians(89.9), self._rows)
+            for first in range(0, self._rows, at_once):
+                direction = self._directions(elevation[first : first + at_once])
+                reach = _cast(direction, here, self.size, self._boxes[free])
+                reach += 0.0015 * random.standard_normal(len(reach))
+                yield ReturnBlock(number, direction * reach[:, None])
+
+    def _directions(self, elevation: NDArray[np.float64]) -> NDArray[np.float64]:
+        azimuth = np.linspace(0, 2 * np.pi, self._columns, endpoint=False)[None, :]
+        flat, shape = np.cos(elevation)[:, None], (len(elevation), self._columns)
+        return np.stack([
+            flat * np.cos(azimuth), flat * np.sin(azimuth), np.broadcast_to(np.sin(elevation)[:, None], shape)
+        ], axis=2).reshape(-1, 3)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--rays", type=int, default=30_000_000)
-    parser.add_argument("--stations", type=int, default=4)
+    parser.add_argument("--stations", type=int, default=4, choices=range(1, len(SPOTS) + 1))
     parser.add_argument("--voxel-mm", type=float, default=10.0)
     parser.add_argument("--room", default="12,8,3.5")
     parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--memory-gb", type=float, default=1.5, help="for the returns; change gives half of its own, 3 GB")
     parser.add_argument("--no-exact", action="store_true", help="only the fast way, for its memory")
     options = parser.parse_args()
     if options.threads:
         set_num_threads(options.threads)
     size = np.array([float(v) for v in options.room.split(",")])
-    edge = options.voxel_mm / 1000
-    grid = VoxelGrid.for_model(np.zeros(3), edge)
-    spots = np.array([[0.2, 0.25], [0.75, 0.3], [0.5, 0.6], [0.25, 0.8], [0.8, 0.75]])[: options.stations]
-    positions = [np.array([x * size[0], y * size[1], 1.6]) + 0.0123 for x, y in spots]
-    warm = build_index(scan(positions[0], 20_000, size, 0))
-    for exact in (False, True):  # compile before the clock runs
-        run([warm.returns], positions[:1], grid, exact)
-    rays = [scan(p, options.rays // len(positions), size, n) for n, p in enumerate(positions)]
-    total = sum(len(r) for r in rays)
-    spare = None if options.no_exact else list(rays)
-    print(f"{total / 1e6:.1f} M rays from {len(rays)} stations, room {options.room} m, voxels of {options.voxel_mm:g} mm")
-    fast, occupied, seconds, _, near = run(rays, positions, grid, False)
-    print(f"occupied voxels {occupied / 1e6:.2f} M, voxels near them {int(near.sum()) / 1e6:.2f} M")
-    print("fast  " + ", ".join(f"{k} {v:.1f} s" for k, v in seconds.items()))
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    print(f"peak memory of the fast way {peak:.2f} GB")
-    if options.no_exact:
-        return
-    slow, _, exact_seconds, _, _ = run(spare, positions, grid, True)
-    print("exact " + ", ".join(f"{k} {v:.1f} s" for k, v in exact_seconds.items()))
-    same = (fast[near] == slow[near]).mean()
-    print(f"labels equal on {100 * same:.4f} % of the voxels near surfaces")
-    print(f"free space: exact {exact_seconds['free space']:.1f} s, fast {seconds['free space']:.2f} s, "
-          f"{exact_seconds['free space'] / seconds['free space']:.1f} times faster")
-    whole = sum(exact_seconds.values()) / sum(seconds.values())
-    print(f"all of it (sorting, guards, votes, free space): {whole:.1f} times faster")
+    grid = VoxelGrid.for_model(np.zeros(3), options.voxel_mm / 1000)
+    with ReturnStore(Room(size, 40_000, 2), 0.1) as store:  # compile before the clock runs
+        compare(store, grid, True, lambda text: None)
+    room = Room(size, options.rays, options.stations)
+    print(f"{room.point_count / 1e6:.1f} M rays from {len(room.stations)} stations, room {options.room} m, "
+          f"voxels of {options.voxel_mm:g} mm")
+    with ReturnStore(room, options.memory_gb) as store:
+        print("returns kept in " + ("memory" if store.fits else "a temporary file"))
+        compare(store, grid, not options.no_exact, print)
 
 
-def run(
-    rays: list[NDArray[np.float64]], positions: list[NDArray[np.float64]], grid: VoxelGrid, exact: bool
-) -> tuple[NDArray[np.uint8], int, dict[str, float], BrickTable, NDArray[np.bool_]]:
-    """States (B, 512), occupied voxels, seconds a stage, bricks, and which voxels are near."""
-    seconds = {"sorting": 0.0, "guards": 0.0, "votes": 0.0, "free space": 0.0}
-    clock = time.perf_counter()
-
-    def lap(stage: str) -> None:
-        nonlocal clock
-        now = time.perf_counter()
-        seconds[stage] += now - clock
-        clock = now
-
-    votes = Votes(grid, 3)
-    kept = []
-    for position in positions:
-        index = build_index(rays.pop(0))
-        lap("sorting")
-        votes.add(index.returns, position, index.spacing_rad)
-        lap("votes")
-        kept.append((index, clear_range(index, grid.edge)))
-        lap("guards")
-    occupied = votes.occupied()
-    lap("votes")
-    table = BrickTable(np.unique(neighbour_keys(occupied.table.keys)))
-    near = dilate(table, occupied.table, occupied.cells)  # only to compare
-    clock = time.perf_counter()
+def compare(store: ReturnStore, grid: VoxelGrid, exact: bool, say: Callable[[str], None]) -> None:
+    """Label the voxels near surfaces the fast way and, if asked, the exact way, and say how these compare."""
+    sensor, progress = sensor_model(0.0015), Progress()
+    stations = StationIndexes(store, np.zeros(3))
+    begin = time.perf_counter()
+    occupied = occupied_voxels(stations, grid, 3, sensor, progress)
+    votes = time.perf_counter() - begin
+    table, near = surroundings(occupied.table, occupied.cells)
+    say(f"occupied voxels {occupied.count / 1e6:.2f} M, voxels near them {int(near.sum()) / 1e6:.2f} M")
+    begin = time.perf_counter()
     state = settled(occupied, table, near)
-    labels = np.zeros((len(table), CELLS), np.uint8)
-    if exact:
-        walked = np.zeros((len(table), CELLS), np.bool_)
-        for (index, clear), position in zip(kept, positions, strict=True):
-            walk_rays(index.returns, clear.share, position, grid.anchor, grid.edge, table, walked)
-        labels[walked] = PASSED
-    else:
-        asked = near & (state == UNSEEN)
-        for (index, clear), position in zip(kept, positions, strict=True):
-            label_voxels(table.keys, asked, position, grid.anchor, grid.edge, index, clear, labels)
-        passed_only = labels & PASSED
-        interpolated = int((near & (labels > 0) & (passed_only == 0)).sum())
-        print(f"between rays that lie farther apart than voxels: {interpolated / 1e6:.3f} M voxels, compared as unknown")
-        labels = passed_only
-    conclude(state, labels)
-    lap("free space")
-    return state, occupied.count, seconds, table, near
+    shared = votes + time.perf_counter() - begin
+    say(f"shared: sorting and votes {votes:.1f} s, voxels settled by them {shared - votes:.1f} s")
+    asked = near & (state == UNSEEN)
+    labels = np.zeros(asked.shape, np.uint8)
+    walked = np.zeros(asked.shape if exact else (0, CELLS), np.bool_)
+    guards = fast = slow = 0.0
+    for station, index, sector in stations.visit(sensor, progress):
+        begin = time.perf_counter()
+        rays = station_rays(index, stations.count(station), grid.edge, owned(index.returns, sector))
+        guarded = time.perf_counter()
+        label_voxels(table.keys, asked, stations.position[station], grid.anchor, grid.edge, rays, labels, sector)
+        guards, fast = guards + guarded - begin, fast + time.perf_counter() - guarded
+        if exact:
+            begin = time.perf_counter()
+            walk_rays(rays.end, stations.position[station], grid.anchor, grid.edge, table, walked)
+            slow += time.perf_counter() - begin
+    say(f"shared: guards of rays {guards:.1f} s; free space the fast way {fast:.1f} s")
+    say(f"peak memory{' of both ways together' if exact else ''} "
+        f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB")
+    if not exact:
+        return
+    between = int((asked & (labels > 0) & (labels & PASSED == 0)).sum())
+    say(f"between rays that lie farther apart than voxels: {between / 1e6:.3f} M voxels, compared as what rays alone say")
+    exact_state = state.copy()
+    conclude(state, labels & PASSED)
+    conclude(exact_state, np.where(walked, PASSED, 0).astype(np.uint8))
+    same = int((near & (state == exact_state)).sum()) / int(near.sum())
+    told = int((near & ((state == EMPTY) | (exact_state == EMPTY))).sum())
+    differ = int((near & (state != exact_state)).sum())
+    say(f"labels equal on {100 * same:.4f} % of the voxels near surfaces; of the {told / 1e6:.2f} M that rays empty, "
+        f"{differ} differ")
+    shared += guards
+    say(f"free space: exact {slow:.1f} s, fast {fast:.1f} s: {slow / fast:.1f} times faster")
+    say(f"with what both share: exact {slow + shared:.1f} s, fast {fast + shared:.1f} s: "
+        f"{(slow + shared) / (fast + shared):.1f} times faster")
 
 
 @njit(cache=True, parallel=True)
 def _dilate(around: NDArray[np.int32], cells: NDArray[np.bool_], reach: int, out: NDArray[np.bool_]) -> None:
     for row in prange(len(around)):
+        wide = np.zeros((8 + 2 * reach, 8 + 2 * reach, 8 + 2 * reach), np.bool_)  # the brick and what lies around it
+        some = False
+        for i in range(-reach, 8 + reach):
+            for j in range(-reach, 8 + reach):
+                for k in range(-reach, 8 + reach):
+                    wide[i + reach, j + reach, k + reach] = cell_set(cells, around, row, i, j, k)
+                    some |= wide[i + reach, j + reach, k + reach]
+        if not some:
+            continue
+        for axis in range(3):  # one axis after the other
+            before = wide.copy()
+            for i in range(wide.shape[0]):
+                for j in range(wide.shape[1]):
+                    for k in range(wide.shape[2]):
+                        if before[i, j, k]:
+                            for step in range(-reach, reach + 1):
+                                a, b, c = i + step * (axis == 0), j + step * (axis == 1), k + step * (axis == 2)
+                                if min(a, b, c) >= 0 and max(a, b, c) < wide.shape[0]:
+                                    wide[a, b, c] = True
         for cell in range(CELLS):
-            i, j, k = cell >> 6, (cell >> 3) & 7, cell & 7
-            for a in range(-reach, reach + 1):
-                for b in range(-reach, reach + 1):
-                    for c in range(-reach, reach + 1):
-                        if not out[row, cell] and cell_set(cells, around, row, i + a, j + b, k + c):
-                            out[row, cell] = True
+            out[row, cell] = wide[(cell >> 6) + reach, ((cell >> 3) & 7) + reach, (cell & 7) + reach]
 
 
-def dilate(table: BrickTable, source: BrickTable, cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(B, 512) the voxels of ``table`` within NEAR_VOXELS of a set cell of ``source``."""
-    around = source.rows(neighbour_keys(table.keys).ravel()).reshape(-1, 27)
-    out = np.zeros((len(table), CELLS), np.bool_)
-    _dilate(around, cells, NEAR_VOXELS, out)
-    return out
+def surroundings(source: BrickTable, cells: NDArray[np.bool_]) -> tuple[BrickTable, NDArray[np.bool_]]:
+    """Bricks, and (B, 512) their voxels within NEAR_VOXELS of a set cell of ``source``."""
+    keys = np.unique(neighbour_keys(source.keys))
+    around = source.rows(neighbour_keys(keys).ravel()).reshape(-1, 27)
+    near = np.zeros((len(keys), CELLS), np.bool_)
+    _dilate(around, cells, NEAR_VOXELS, near)
+    some = near.any(axis=1)
+    return BrickTable(keys[some]), near[some]
 
 
 if __name__ == "__main__":

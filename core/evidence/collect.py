@@ -40,6 +40,10 @@ class StationIndexes:
         self.position = [s.position - origin for s in store.stations]
         self.spacing = [math.nan for _ in store.stations]
 
+    def count(self, station: int) -> int:
+        """Returns of a station."""
+        return self._store.count(station)
+
     def visit(
         self, sensor: SensorModel, progress: Progress
     ) -> Iterator[tuple[int, StationIndex, NDArray[np.float64] | None]]:

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from ..evidence.collect import StationIndexes
 from ..evidence.gather import SensorModel
-from ..evidence.station_index import build_index
 from ..progress import Progress
 from .bricks import BrickTable
-from .clear_range import clear_range
 from .free_space import BETWEEN, PASSED, SURFACE, label_voxels
 from .grid import BITS, CELLS, VoxelGrid
+from .station_rays import station_rays
 from .votes import Occupied, Votes
 
 UNSEEN, EMPTY, NEAR, OCCUPIED = 0, 1, 2, 3
@@ -28,12 +27,16 @@ def occupied_voxels(
     """The voxels that at least ``least`` returns of an epoch lie in (fewer where the scan is sparse, see ``Votes``)."""
     votes = Votes(grid, least)
     for station, index, sector in stations.visit(sensor, progress):
-        own = None
-        if sector is not None:
-            azimuth = np.arctan2(index.returns[:, 1], index.returns[:, 0]) % (2 * np.pi)
-            own = (azimuth >= sector[0]) & (azimuth < sector[1])
-        votes.add(index.returns, stations.position[station], index.spacing_rad, own)
+        votes.add(index.returns, stations.position[station], index.spacing_rad, owned(index.returns, sector))
     return votes.occupied()
+
+
+def owned(returns: NDArray[np.float64], sector: NDArray[np.float64] | None) -> NDArray[np.bool_] | None:
+    """(N,) whether a tile's azimuth range (2,) [rad] holds each return (N, 3); None when it is all of them."""
+    if sector is None:
+        return None
+    azimuth = np.arctan2(returns[:, 1], returns[:, 0]) % (2 * np.pi)
+    return (azimuth >= sector[0]) & (azimuth < sector[1])
 
 
 def observe(
@@ -42,17 +45,20 @@ def observe(
 ) -> Observation:
     """What an epoch says of the ``wanted`` (B, 512) voxels of the table's bricks."""
     state = settled(occupied, table, wanted)
-    asked = wanted & (state == UNSEEN)
+    conclude(state, free_space(stations, grid, table, wanted & (state == UNSEEN), sensor, progress))
+    return Observation(table, state)
+
+
+def free_space(
+    stations: StationIndexes, grid: VoxelGrid, table: BrickTable, asked: NDArray[np.bool_], sensor: SensorModel,
+    progress: Progress,
+) -> NDArray[np.uint8]:
+    """(B, 512) what the rays of all stations say of the ``asked`` (B, 512) voxels of the table's bricks."""
     labels = np.zeros((len(table), CELLS), np.uint8)
     for station, index, sector in stations.visit(sensor, progress):
-        # bins that follow from the spacing alone, so that tiles of a station have those of the whole
-        index = build_index(index.returns, index.spacing_rad)
-        clear = clear_range(index, grid.edge)
-        label_voxels(
-            table.keys, asked, stations.position[station], grid.anchor, grid.edge, index, clear, labels, sector
-        )
-    conclude(state, labels)
-    return Observation(table, state)
+        rays = station_rays(index, stations.count(station), grid.edge, owned(index.returns, sector))
+        label_voxels(table.keys, asked, stations.position[station], grid.anchor, grid.edge, rays, labels, sector)
+    return labels
 
 
 def settled(occupied: Occupied, table: BrickTable, wanted: NDArray[np.bool_]) -> NDArray[np.uint8]:
@@ -67,12 +73,15 @@ def settled(occupied: Occupied, table: BrickTable, wanted: NDArray[np.bool_]) ->
 
 
 def conclude(state: NDArray[np.uint8], labels: NDArray[np.uint8]) -> None:
-    """Enter what rays said of voxels that are neither occupied nor near one."""
+    """Enter what rays said of voxels that are neither occupied nor near one.
+
+    A ray that passes goes before what is read between rays, so a voxel needs no other station once one has passed it.
+    """
     surface = (labels & SURFACE) > 0
     passed = (labels & PASSED) > 0
     rest = state == UNSEEN
     state[rest & surface & ~passed] = NEAR
-    state[rest & ~surface & ((labels & (PASSED | BETWEEN)) > 0)] = EMPTY
+    state[rest & (passed | (~surface & ((labels & BETWEEN) > 0)))] = EMPTY
 
 
 @dataclass(frozen=True)

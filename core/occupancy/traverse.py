@@ -23,14 +23,14 @@ def _first_crossing(start: float, slope: float, cell: int, step: int) -> float:
 
 @njit(cache=True, nogil=True, parallel=True)
 def _walk(
-    returns: NDArray[np.float64], share: NDArray[np.float32], station: NDArray[np.float64],
+    ends: NDArray[np.float32], station: NDArray[np.float64],
     anchor: NDArray[np.float64], edge: float, slot_key: NDArray[np.int64], slot_row: NDArray[np.int32],
     passed: NDArray[np.bool_],
 ) -> int:
     sx, sy, sz = (station[0] - anchor[0]) / edge, (station[1] - anchor[1]) / edge, (station[2] - anchor[2]) / edge
     steps = 0
-    for n in prange(len(returns)):
-        gx, gy, gz = returns[n, 0] / edge, returns[n, 1] / edge, returns[n, 2] / edge
+    for n in prange(len(ends)):
+        gx, gy, gz = float(ends[n, 0]) / edge, float(ends[n, 1]) / edge, float(ends[n, 2]) / edge
         i, j, k = math.floor(sx), math.floor(sy), math.floor(sz)
         di = 1 if gx > 0 else (-1 if gx < 0 else 0)
         dj = 1 if gy > 0 else (-1 if gy < 0 else 0)
@@ -39,10 +39,9 @@ def _walk(
         wx = 1.0 / abs(gx) if di else math.inf
         wy = 1.0 / abs(gy) if dj else math.inf
         wz = 1.0 / abs(gz) if dk else math.inf
-        end = float(share[n])
         t = 0.0
         last, row = -1, -1
-        while t < end:
+        while t < 1.0:
             key = brick_key(i, j, k)
             if key != last:
                 row = find(key, slot_key, slot_row)
@@ -66,11 +65,11 @@ def _walk(
 
 
 def walk_rays(
-    returns: NDArray[np.float64], share: NDArray[np.float32], station: NDArray[np.float64],
+    ends: NDArray[np.float32], station: NDArray[np.float64],
     anchor: NDArray[np.float64], edge: float, table: BrickTable, passed: NDArray[np.bool_],
 ) -> int:
     """Mark in ``passed`` (B, 512) the voxels of the table's bricks that rays go through; returns the steps walked.
 
-    returns (N, 3) [m, from the station]; each ray goes from ``station`` (3,) to ``share`` (N,) of the way to its return.
+    Each ray goes from ``station`` (3,) to its end; ``ends`` (N, 3) [m, from the station].
     """
-    return int(_walk(returns, share, station, anchor, edge, table.slot_key, table.slot_row, passed))
+    return int(_walk(ends, station, anchor, edge, table.slot_key, table.slot_row, passed))

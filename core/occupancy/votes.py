@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -28,13 +29,16 @@ def _vote(
 ) -> tuple[int, int]:
     """Enter returns from ``begin`` on; stops early when the table is full. Returns (next return, bricks used)."""
     last_key, last_row = -1, -1
+    sx, sy, sz = station[0] - anchor[0], station[1] - anchor[1], station[2] - anchor[2]
+    expected = EXPECTED_SHARE * edge * edge / (spacing_rad * spacing_rad)
+    weight = np.empty(least + 1, np.int64)
+    for wanted in range(1, least + 1):
+        weight[wanted] = (VOTE * least) // wanted
     for n in range(begin, len(offsets)):
         if len(own) and not own[n]:
             continue
-        x, y, z = offsets[n]
-        i = int(np.floor((x + station[0] - anchor[0]) / edge))
-        j = int(np.floor((y + station[1] - anchor[1]) / edge))
-        k = int(np.floor((z + station[2] - anchor[2]) / edge))
+        x, y, z = offsets[n, 0], offsets[n, 1], offsets[n, 2]
+        i, j, k = math.floor((x + sx) / edge), math.floor((y + sy) / edge), math.floor((z + sz) / edge)
         key = brick_key(i, j, k)
         if key != last_key:
             row = find(key, slot_key, slot_row)
@@ -46,11 +50,9 @@ def _vote(
                 insert(key, row, slot_key, slot_row)
                 used += 1
             last_key, last_row = key, row
-        footprint2 = spacing_rad * spacing_rad * (x * x + y * y + z * z)
-        wanted = min(max(round(EXPECTED_SHARE * edge * edge / footprint2), 1), least)
+        wanted = int(min(max(expected / (x * x + y * y + z * z) + 0.5, 1.0), least))
         cell = cell_of(i, j, k)
-        weight = (VOTE * least) // wanted
-        votes[last_row, cell] = min(int(votes[last_row, cell]) + weight, MOST)
+        votes[last_row, cell] = min(int(votes[last_row, cell]) + weight[wanted], MOST)
         returns[last_row, cell] = min(int(returns[last_row, cell]) + 1, 255)
     return len(offsets), used
 
@@ -71,14 +73,13 @@ class Votes:
     _used: int = 0
 
     def __post_init__(self) -> None:
-        self._table = BrickTable(self._keys[:0], len(self._keys))
+        self._table = BrickTable(np.empty(0, np.int64), len(self._keys))
 
     def _grow(self) -> None:
-        more = len(self._keys) // 2 + 1024
-        self._keys = np.concatenate([self._keys, np.empty(more, np.int64)])
-        self._votes = np.concatenate([self._votes, np.zeros((more, CELLS), np.uint16)])
-        self._returns = np.concatenate([self._returns, np.zeros((more, CELLS), np.uint8)])
-        self._table = BrickTable(self._keys[: self._used], len(self._keys))
+        rows = len(self._keys) + len(self._keys) // 2 + 1024
+        for array in (self._keys, self._votes, self._returns):  # in place where the system can, and zero beyond
+            array.resize((rows, *array.shape[1:]), refcheck=False)
+        self._table = BrickTable(self._keys[: self._used].copy(), len(self._keys))
 
     def add(
         self, offsets: NDArray[np.float64], station: NDArray[np.float64], spacing_rad: float,

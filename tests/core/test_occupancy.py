@@ -10,10 +10,10 @@ from bim_verify.core.change.look import sensor_model
 from bim_verify.core.evidence.collect import StationIndexes
 from bim_verify.core.evidence.station_index import build_index
 from bim_verify.core.occupancy.bricks import BrickTable
-from bim_verify.core.occupancy.clear_range import clear_range
 from bim_verify.core.occupancy.epoch import EMPTY, NEAR, OCCUPIED, neighbour_keys, observe, occupied_voxels
 from bim_verify.core.occupancy.free_space import PASSED, label_voxels
 from bim_verify.core.occupancy.grid import CELLS, VoxelGrid, keys_of, voxel_index
+from bim_verify.core.occupancy.station_rays import station_rays
 from bim_verify.core.occupancy.traverse import walk_rays
 from bim_verify.core.occupancy.votes import Votes
 from bim_verify.core.progress import Progress
@@ -58,28 +58,25 @@ def test_grid_is_fixed_to_the_model_frame() -> None:
 
 
 def test_fast_labels_equal_exact_traversal() -> None:
-    index = build_index(room(60_000))
-    clear = clear_range(index, GRID.edge)
+    rays = station_rays(build_index(room(60_000)), 60_000, GRID.edge)
     table = all_bricks()
     walked = np.zeros((len(table), CELLS), np.bool_)
-    steps = walk_rays(index.returns, clear.share, STATION, GRID.anchor, GRID.edge, table, walked)
+    steps = walk_rays(rays.end, STATION, GRID.anchor, GRID.edge, table, walked)
     labels = np.zeros((len(table), CELLS), np.uint8)
-    label_voxels(table.keys, np.ones_like(walked), STATION, GRID.anchor, GRID.edge, index, clear, labels)
+    label_voxels(table.keys, np.ones_like(walked), STATION, GRID.anchor, GRID.edge, rays, labels)
     assert steps > 1_000_000
-    assert (walked == ((labels & PASSED) > 0)).mean() > 0.9999
+    assert (walked != ((labels & PASSED) > 0)).sum() <= 5  # single precision at the very edge of a voxel
     assert walked.mean() > 0.3
 
 
 def test_guard_keeps_surfaces_from_being_emptied() -> None:
-    index = build_index(room(200_000))
-    clear = clear_range(index, GRID.edge)
-    reach = np.linalg.norm(index.returns, axis=1)
-    point = index.returns + STATION
-    depth = np.minimum(point, SIZE - point).min(axis=1)
-    end = index.returns * clear.share[:, None] + STATION
+    returns = room(200_000)
+    rays = station_rays(build_index(returns), len(returns), GRID.edge)
+    end = rays.end + STATION
     free_depth = np.minimum(end, SIZE - end).min(axis=1)
-    assert np.quantile(free_depth - depth, 0.01) > 1.2 * GRID.edge
-    assert np.median(reach - reach * clear.share) < 4 * GRID.edge
+    assert np.quantile(free_depth, 0.01) > 1.2 * GRID.edge
+    lost = np.linalg.norm(returns, axis=1).mean() - np.linalg.norm(rays.end, axis=1).mean()
+    assert lost < 4 * GRID.edge
 
 
 def test_votes_do_not_depend_on_order_or_blocks() -> None:
@@ -101,11 +98,13 @@ def test_a_dense_scan_needs_three_returns_and_a_sparse_one_says_that_it_does_not
     assert sparse.occupied().count == 1 and sparse.occupied().sparse == 1
 
 
-def observed(memory_gb: float, order: np.ndarray | None = None) -> np.ndarray:
+def observed(memory_gb: float, order: np.ndarray | None = None, swap: bool = False) -> np.ndarray:
     returns = [room(40_000), room(40_000, SECOND, 5)]
     if order is not None:
         returns = [r[order] for r in returns]
     stations = (Station("a", STATION), Station("b", SECOND))
+    if swap:
+        returns, stations = returns[::-1], stations[::-1]
     table = all_bricks()
     with ReturnStore(ArraySource(stations, returns), memory_gb) as store:
         indexes = StationIndexes(store, np.zeros(3))
@@ -120,6 +119,7 @@ def test_result_does_not_depend_on_order_or_threads() -> None:
     assert {OCCUPIED, NEAR, EMPTY} <= set(np.unique(first))
     assert (first == observed(1.0, np.random.default_rng(2).permutation(40_000))).all()
     before = numba.get_num_threads()
+    assert (first == observed(1.0, swap=True)).all()
     try:
         numba.set_num_threads(1)
         assert (first == observed(1.0)).all()
@@ -128,8 +128,9 @@ def test_result_does_not_depend_on_order_or_threads() -> None:
 
 
 def test_result_does_not_depend_on_tiles() -> None:
-    whole, tiled = observed(1.0), observed(0.003)
-    assert (whole == tiled).mean() > 0.9999
+    whole = observed(1.0)
+    for memory_gb in (0.004, 0.0015):  # 2 and 4 tiles of each station
+        assert (whole == observed(memory_gb)).all()
 
 
 def test_an_occupied_voxel_is_not_emptied_by_rays_that_graze_it() -> None:
