@@ -8,7 +8,7 @@ noise at a voxel's border plays no part. Voxels then say where and how much.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
 from ..evidence.collect import StationIndexes
-from ..evidence.decide import Context, Place, standing_shares
+from ..evidence.decide import Context, Place, enough_seen, standing_shares
 from ..evidence.error_model import estimate_errors
 from ..evidence.gather import SensorModel
 from ..evidence.thresholds import Thresholds
@@ -27,6 +27,7 @@ from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..sensing.loa import level_sigma, worst_voxel_shift
+from .twins import find_twins
 
 Seen = Literal["STANDS", "GONE", "MOVED", "PART", "UNSEEN"]
 LOA = 30
@@ -80,9 +81,10 @@ def look_at_elements(
 ) -> EpochSight:
     """Decide for each element what this epoch shows. Raises BimVerifyError when no return comes near the model."""
     thresholds = Thresholds()
+    surfaces = ElementSurfaces(model)
     window = max(worst_voxel_shift(edge), thresholds.window_floor) + 3 * sigma
     scenery = Scenery(
-        model, samples, stations, scene, ElementSurfaces(model), sensor_model(sigma),
+        model, samples, stations, scene, surfaces, sensor_model(sigma),
         explain_within=thresholds.explain_within + 2 * sigma,
     )
     seen = scenery.look(scenery.plan_queries(), progress.part(0.0, 0.6))
@@ -105,8 +107,9 @@ def look_at_elements(
         found.samples.element, weights=found.samples.area * found.samples.exposed, minlength=len(model.elements)
     )
     tolerance = change_tolerance(edge, sigma, registration_sigma)
+    twins = find_twins(model, samples, surfaces)
     elements = tuple(
-        _sight(model, row, plan, best, float(exposed[row]), tolerance, context)
+        _unless_twin(model, int(twins[row]), _sight(model, row, plan, best, float(exposed[row]), tolerance, context))
         for row, (plan, best) in enumerate(zip(found.plans, found.best, strict=True))
     )
     return EpochSight(elements, registration_sigma, context.see_through, tolerance)
@@ -131,9 +134,13 @@ def _sight(
         return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.", best)
     if exposed <= 0:
         return sight("UNSEEN", "Other elements touch or enclose its whole surface.", where=False)
-    if share < t.least_seen_share or plan.sightings < t.least_sightings:
-        return sight("UNSEEN", f"Only {share:.1%} of its surface was in view of a station.", where=False)
+    if not enough_seen(plan, share, t):
+        few = f"Only {share:.1%} of its surface was in view of a station, of {plan.rays} rays; that is no evidence."
+        return sight("UNSEEN", few, where=False)
     absent, present = standing_shares(model.elements[row].ifc_class, model.transparent[_triangles(model, row)], t)
+    if plan.share <= absent and share < t.absent_seen_share:
+        little = f"Rays pass through {1 - plan.share:.0%} of what was in view, but that is only {share:.1%} of its surface."
+        return sight("UNSEEN", little, where=False)
     if plan.share <= absent:
         return sight("GONE", f"Rays pass through {1 - plan.share:.0%} of the {share:.0%} of its surface in view.", where=False)
     if plan.share < present:
@@ -141,6 +148,19 @@ def _sight(
     if length > tolerance:
         return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.")
     return sight("STANDS", f"{plan.share:.0%} of the {share:.0%} of its surface in view is at its place.")
+
+
+def _unless_twin(model: BuildingModel, twin: int, sight: ElementSight) -> ElementSight:
+    """What stands where two elements share one place may be either of them; where nothing stands, both are gone."""
+    if twin < 0 or sight.seen not in ("STANDS", "PART"):
+        return sight
+    other = model.elements[twin]
+    name = f"{other.ifc_class} {other.name}".strip()
+    return replace(
+        sight, seen="UNSEEN", shift=None,
+        reason=f"The model has {name} ({other.global_id}) with the same surface at the same place; "
+        "what was found there may be either of the two.",
+    )
 
 
 def _triangles(model: BuildingModel, row: int) -> NDArray[np.int64]:

@@ -6,7 +6,7 @@ import base64
 from pathlib import Path
 from typing import Any
 
-from ..change.results import PROGRESS, STATES, ChangeResult, State
+from ..change.results import PROGRESS, STATES, ChangeResult, Persistence, State
 from ..files import make_folder, whole_file
 from ..progress import Progress
 from ..sensing.loa import label, supported_level, worst_voxel_shift
@@ -18,6 +18,7 @@ from .page_frame import PAGE, policy_hash, source, templates
 SIGNS: dict[State, str] = {"CONFIRMED": "✓", "NEW": "+", "DISAPPEARED": "✕", "PARTIAL": "◐", "UNKNOWN": "?"}
 ORDER: tuple[State, ...] = ("DISAPPEARED", "NEW", "PARTIAL", "UNKNOWN", "CONFIRMED")
 MOST_CLUSTERS = 40
+ELSEWHERE: dict[Persistence, str] = {"stays": "there", "temporary": "not there", "unknown": "not seen"}
 
 
 def write_change_report(folder: str | Path, result: ChangeResult, *, progress: Progress | None = None) -> Path:
@@ -66,6 +67,8 @@ def render_change_page(result: ChangeResult) -> str:
         series=series,
         series_counts=[[sum(v == s for v in epoch.states) for s in STATES] for epoch in series],
         clusters=result.clusters[:MOST_CLUSTERS],
+        elsewhere=ELSEWHERE,
+        by_id={e.global_id: e for e in result.elements},
         progress=[(p, sum(e.progress == p for e in result.elements)) for p in PROGRESS],
         has_plan=any(p.act or p.source for p in result.planned),
         groups=result.groups,
@@ -86,8 +89,8 @@ def headline(result: ChangeResult) -> str:
             found.append(f"{count[state]} {word}")  # type: ignore[index]
     changed = ", ".join(found) if found else "no element changed"
     return (
-        f"Of {seen} elements that were seen, {count['CONFIRMED']} stand as before; {changed}. "
-        f"{count['UNKNOWN']} were not seen."
+        f"Of {seen} elements that were decided, {count['CONFIRMED']} stand as before; {changed}. "
+        f"{count['UNKNOWN']} could not be decided."
     )
 
 

@@ -59,7 +59,7 @@ CHANGE_MEANINGS = {
     "NEW": "stands where nothing stood",
     "DISAPPEARED": "rays pass through its place",
     "PARTIAL": "a part is gone, or it moved",
-    "UNKNOWN": "not seen, so nothing is known",
+    "UNKNOWN": "not seen, or not told apart",
 }
 VOXEL_COLORS = np.array([CHANGE_COLORS[state] for state in ("UNKNOWN", "CONFIRMED", "NEW", "DISAPPEARED")])
 """(4, 3) by the state of a voxel."""

@@ -68,6 +68,8 @@ class Campaign:
     pose_noise: tuple[float, float] = (0.0, 0.0)
     glass: Glass = "opaque"
     unevenness: Unevenness | None = None
+    acquired: str = ACQUIRED
+    """Date of the scans."""
 
     @cached_property
     def scene(self) -> Scene:
@@ -266,7 +268,7 @@ class _Recorder:
                 rotation=s.recorded_rotation,
                 grid=campaign.scanner.grid,
                 sensor=f"bim_verify simulated scanner ({campaign.scanner.name})",
-                acquired=ACQUIRED,
+                acquired=campaign.acquired,
             )
             for s in campaign.set_ups
         )

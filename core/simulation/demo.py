@@ -57,6 +57,8 @@ STATIONS: tuple[tuple[str, tuple[float, float, float]], ...] = (
 """Name and position of the scanner's centre; model frame, metres."""
 
 
+LATER_ACQUIRED = "2024-06-25T08:30:00"
+"""Six weeks after the first epoch."""
 LATER_STATIONS = ("Living room", "Kitchen", "Hall", "Upper corridor", "Bedroom west", "Garden west", "Balcony")
 """The second epoch is scanned from these."""
 LATER_BUILT = ("Hall ceiling", "Single bed", "Balcony railing west")
@@ -102,7 +104,7 @@ def make_later_epoch(folder: str | Path, seed: int = 1, *, progress: Progress | 
     edits = {k: v for k, v in first.edits.items() if model.elements[k].name not in LATER_BUILT}
     edits |= {row[name]: Edit("remove") for name in LATER_GONE if name in row}
     later = dataclasses.replace(
-        first, edits=edits, props=(), seed=seed + 1,
+        first, edits=edits, props=(), seed=seed + 1, acquired=LATER_ACQUIRED,
         set_ups=tuple(
             dataclasses.replace(s, name=f"{s.name}, later") for s in first.set_ups if s.name in LATER_STATIONS
         ),

@@ -146,6 +146,36 @@ def test_nothing_depends_on_threads_or_the_place_of_the_model() -> None:
     assert moved.voxels.state.shape == pytest.approx(here.voxels.state.shape, rel=1e-3)
 
 
+def test_nothing_depends_on_tiles() -> None:
+    options = dataclasses.replace(OPTIONS, voxel=0.08)
+    whole = change(house(), [after()], None, options)
+    tiled = change(house(), [after()], None, dataclasses.replace(options, memory_gb=0.01))  # two tiles of each station
+    assert whole.edge == tiled.edge == 0.08
+    assert whole.elements == tiled.elements and whole.clusters == tiled.clusters
+    for part in ("index", "state", "element"):
+        assert (getattr(whole.voxels, part) == getattr(tiled.voxels, part)).all()
+
+
+def test_what_is_modelled_twice_is_not_told_apart() -> None:
+    plan = house()
+    column = list(PLAN).index("column")
+    own = slice(*plan.triangle_start[column : column + 2])
+    twice = dataclasses.replace(
+        plan,
+        elements=(*plan.elements, dataclasses.replace(plan.elements[column], global_id="again", name="again", step_id=99)),
+        triangles=np.concatenate([plan.triangles, plan.triangles[own]]),
+        triangle_element=np.append(plan.triangle_element, np.full(own.stop - own.start, len(PLAN), np.int32)),
+        closed=np.append(plan.closed, True),
+        transparent=np.append(plan.transparent, plan.transparent[own]),
+    )
+    for source, state in ((before(), "UNKNOWN"), (after(), "DISAPPEARED")):
+        found = by_name(change(twice, [source], None, OPTIONS))
+        assert found["column"].state == found["again"].state == state
+        assert found["partition"].state in ("CONFIRMED", "PARTIAL")
+        if state == "UNKNOWN":
+            assert "again" in found["column"].reason and "column" in found["again"].reason
+
+
 def test_solids_are_filled_and_thin_ones_kept() -> None:
     model = house()
     found = voxelise(model, VoxelGrid.for_model(model.origin, 0.05))
