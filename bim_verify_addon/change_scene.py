@@ -18,6 +18,8 @@ VOXELS = "Voxels"
 VOXEL_KEY = "bim_verify_voxels"
 STATE = "bv_state"
 MOST_POINTS = 500_000
+LIFT = 0.03
+"""Voxels are drawn larger by this share of their edge, so that their faces do not lie in those of elements."""
 NAMES = {CONFIRMED: "Confirmed", NEW: "New", DISAPPEARED: "Disappeared", UNKNOWN: "Unknown"}
 
 
@@ -80,6 +82,16 @@ def _paint(mesh: bpy.types.Mesh, rgb: NDArray[np.float64]) -> None:
     mesh.update_tag()
 
 
+def _outward(vertices: NDArray[np.float64], quads: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(V, 3) the directions that the quads around each vertex face."""
+    corner = vertices[quads]
+    normal = np.sign(np.round(np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1]), 12))
+    total = np.stack([
+        np.bincount(quads.ravel(), weights=np.repeat(normal[:, axis], 4), minlength=len(vertices)) for axis in range(3)
+    ], axis=1)
+    return np.sign(total)
+
+
 def _show_voxels(target: bpy.types.Scene, result: ChangeResult) -> None:
     """New and gone voxels as surfaces, the others as points."""
     from ..core.report.change_files import voxel_skin
@@ -97,6 +109,7 @@ def _show_voxels(target: bpy.types.Scene, result: ChangeResult) -> None:
             continue
         if code in (NEW, DISAPPEARED):
             vertices, quads = voxel_skin(index, np.array(result.anchor), result.edge)
+            vertices = vertices + LIFT * result.edge * _outward(vertices, quads)
         else:
             index = index[:: max(-(-len(index) // MOST_POINTS), 1)]
             vertices = np.array(result.anchor) + result.edge * (index + 0.5)

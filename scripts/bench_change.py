@@ -1,6 +1,7 @@
 """States of elements on simulated campaigns with known demolition, new walls, moved elements, clutter and occlusion.
 
-    python scripts/bench_change.py [MODEL.ifc ...] [--seeds 1 2] [--scanner fast] [--voxel-mm 10] [--threads N]
+    python scripts/bench_change.py [MODEL.ifc ...] [--seeds 1 2] [--scanner fast] [--voxel-mm 10]
+        [--sample-spacing-mm 50] [--threads N]
 
 Without files, the demo house made in code is used. For each model and seed there are two campaigns from stations of their
 own: a reference in which some elements are not built yet, and an epoch in which these are built, others are gone, some moved,
@@ -85,10 +86,13 @@ def main() -> None:
     parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2])
     parser.add_argument("--scanner", default="fast", choices=sorted(PRESETS))
     parser.add_argument("--voxel-mm", type=float, default=10.0)
+    parser.add_argument("--sample-spacing-mm", type=float, default=1000 * ChangeOptions().sample_spacing)
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--misses", type=int, default=12)
     options = parser.parse_args()
-    settings = ChangeOptions(voxel=options.voxel_mm / 1000, threads=options.threads)
+    settings = ChangeOptions(
+        voxel=options.voxel_mm / 1000, sample_spacing=options.sample_spacing_mm / 1000, threads=options.threads
+    )
     tally = Tally(change_tolerance(settings.voxel, settings.sigma, 0.001))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
