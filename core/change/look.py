@@ -108,9 +108,13 @@ def look_at_elements(
     )
     tolerance = change_tolerance(edge, sigma, registration_sigma)
     twins = find_twins(model, samples, surfaces)
-    elements = tuple(
-        _unless_twin(model, int(twins[row]), _sight(model, row, plan, best, float(exposed[row]), tolerance, context))
+    sights = [
+        _sight(model, row, plan, best, float(exposed[row]), tolerance, context)
         for row, (plan, best) in enumerate(zip(found.plans, found.best, strict=True))
+    ]
+    elements = tuple(
+        sight if twin < 0 or sights[twin].seen in ("GONE", "MOVED") else _either(model, int(twin), sight)
+        for sight, twin in zip(sights, twins, strict=True)
     )
     return EpochSight(elements, registration_sigma, context.see_through, tolerance)
 
@@ -150,16 +154,15 @@ def _sight(
     return sight("STANDS", f"{plan.share:.0%} of the {share:.0%} of its surface in view is at its place.")
 
 
-def _unless_twin(model: BuildingModel, twin: int, sight: ElementSight) -> ElementSight:
-    """What stands where two elements share one place may be either of them; where nothing stands, both are gone."""
-    if twin < 0 or sight.seen not in ("STANDS", "PART"):
+def _either(model: BuildingModel, twin: int, sight: ElementSight) -> ElementSight:
+    """What stands where two elements share a surface may be either of them; where nothing stands, both are gone."""
+    if sight.seen not in ("STANDS", "PART"):
         return sight
     other = model.elements[twin]
     name = f"{other.ifc_class} {other.name}".strip()
     return replace(
         sight, seen="UNSEEN", shift=None,
-        reason=f"The model has {name} ({other.global_id}) with the same surface at the same place; "
-        "what was found there may be either of the two.",
+        reason=f"All of its open surface is also that of {name} ({other.global_id}): what was found there may be either.",
     )
 
 
