@@ -124,6 +124,8 @@ class Tally:
     volumes: list[tuple[float, str]] = dataclasses.field(default_factory=list)
     false_gone: list[str] = dataclasses.field(default_factory=list)
     misses: list[str] = dataclasses.field(default_factory=list)
+    shared: int = 0
+    """Elements that stay undecided between the epochs, because another one has their surface."""
 
     def states(
         self, where: str, model: BuildingModel, found: Sequence[str], edits: dict[int, Edit], built: set[int],
@@ -144,7 +146,9 @@ class Tally:
                 continue
             right = expected(model, row, edit, row in built, self.tolerance)
             self.table[state if state in right else min(right), state] += 1
-            if state not in right:
+            if reasons and state == "UNKNOWN" and "may be either" in reasons[row]:
+                self.shared += 1
+            elif state not in right and state != "UNKNOWN":
                 self.misses.append(
                     f"{who} built={row in built} witnessed {fact['witnessed']:.2f}: {state}, not {'/'.join(sorted(right))}{why}"
                 )
@@ -168,6 +172,7 @@ class Tally:
         total = sum(n for (_, found), n in self.table.items() if found != "UNKNOWN")
         right = sum(n for (a, b), n in self.table.items() if a == b and b != "UNKNOWN")
         print(f"{sum(self.table.values())} elements in view, {total} decided, {right / max(total, 1):.4f} right")
+        print(f"undecided between the epochs because another element has their surface: {self.shared}")
         for state in ("CONFIRMED", "NEW", "DISAPPEARED", "PARTIAL"):
             right = self.table[state, state]
             said = sum(n for (_, found), n in self.table.items() if found == state)
