@@ -179,6 +179,15 @@ def _settle_order(points: NDArray[np.float32], own: NDArray[np.bool_], start: ND
             gap //= 2
 
 
+@njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
+def _largest(end: NDArray[np.float32], begin: int, stop: int, nx: float, ny: float, nz: float) -> float:
+    """Largest n . end of a run of rays; 0 for none, since no clear part begins before the station."""
+    best = 0.0
+    for i in range(begin, stop):
+        best = max(best, nx * end[i, 0] + ny * end[i, 1] + nz * end[i, 2])
+    return best
+
+
 @njit(cache=True, nogil=True, parallel=True)
 def _bounds(
     end: NDArray[np.float32], start: NDArray[np.int32], row_start: NDArray[np.int64], plane: NDArray[np.float32]
@@ -199,20 +208,19 @@ def _bounds(
                 nz = elevation
             length = math.sqrt(nx * nx + ny * ny + nz * nz)
             nx, ny, nz = nx / length, ny / length, nz / length
-            own, around = 0.0, 0.0
+            own = _largest(end, start[b], start[b + 1], nx, ny, nz)
+            around = own
             for r in range(max(row - 1, 0), min(row + 2, rows)):
                 base, there = row_start[r], row_start[r + 1] - row_start[r]
                 first, last = column * there // columns - 1, ((column + 1) * there - 1) // columns + 1
                 if last - first >= there:
                     first, last = 0, there - 1
-                for c in range(first, last + 1):
-                    other = base + (c + there if c < 0 else (c - there if c >= there else c))
-                    best = 0.0
-                    for i in range(start[other], start[other + 1]):
-                        best = max(best, nx * end[i, 0] + ny * end[i, 1] + nz * end[i, 2])
-                    around = max(around, best)
-                    if other == b:
-                        own = best
+                if first < 0:
+                    around = max(around, _largest(end, start[base + there + first], start[base + there], nx, ny, nz))
+                if last >= there:
+                    around = max(around, _largest(end, start[base], start[base + last - there + 1], nx, ny, nz))
+                first, last = max(first, 0), min(last, there - 1)
+                around = max(around, _largest(end, start[base + first], start[base + last + 1], nx, ny, nz))
             out[b, 0], out[b, 1], out[b, 2] = nx, ny, nz
             out[b, 3], out[b, 4] = own * ROUND_UP, around * ROUND_UP
     return out
