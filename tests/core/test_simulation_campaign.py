@@ -65,8 +65,9 @@ def test_the_scan_file_holds_the_room_in_the_model_frame(tmp_path: Path) -> None
     assert np.median(local[at_west, 0]) == pytest.approx(-2.8, abs=2e-4)
 
 
-def test_the_grid_and_the_poses_are_kept(tmp_path: Path) -> None:
-    written = write_campaign(campaign(), tmp_path)
+def test_the_grid_the_poses_and_the_date_are_kept(tmp_path: Path) -> None:
+    written = write_campaign(campaign(acquired="2024-06-25T08:30:00"), tmp_path)
+    assert all(s.acquired.startswith("2024-06-25T08:30:00") for s in open_scans([written.scan_path]).stations)
     scan = open_scans([written.scan_path])
     for station, planned in zip(scan.stations, campaign().set_ups, strict=True):
         np.testing.assert_allclose(station.position, planned.position + ORIGIN, atol=1e-9)
