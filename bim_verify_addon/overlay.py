@@ -12,6 +12,7 @@ from gpu_extras.batch import batch_for_shader
 
 from . import colors
 from .capabilities import CAPABILITIES, MODES
+from .hover import HOVER, LINE_LENGTH
 from .known import known_object
 from .preferences import legend_size
 
@@ -21,8 +22,8 @@ RAMP_LINES = 9
 """Height of a ramp, in lines of text."""
 
 PLATE = (0.1, 0.1, 0.1, 0.75)
-LINE_LENGTH = 60
-"""Characters in a line of the numbers."""
+LINE = 1.5
+"""Height of a line, in heights of its letters."""
 MOST_ROWS = 12
 """Numbers of one capability that are drawn; the panel has them all."""
 
@@ -66,6 +67,8 @@ def _draw() -> None:
         _draw_legend(context, size, scale)
     if settings.show_numbers:
         _draw_numbers(context, size, scale)
+    if settings.show_hover and HOVER.lines and HOVER.region == context.region.as_pointer():
+        _draw_hover(context, size, scale)
     gpu.state.blend_set("NONE")
 
 
@@ -107,16 +110,32 @@ def _draw_numbers(context: bpy.types.Context, size: float, scale: float) -> None
     lines = numbers(context)
     if not lines:
         return
-    step = 1.5 * size
-    blf.size(0, size)
-    width = max(blf.dimensions(0, line)[0] for line in lines) + 1.2 * size
-    height = len(lines) * step + 0.8 * size
+    width, _ = _plate_size(lines, size)
     right = next((r.width for r in context.area.regions if r.type == "UI"), 0)
-    left = context.region.width - right - width - MARGIN * scale
-    bottom = MARGIN * scale
-    _rectangle(left, bottom - 0.6 * size, width, height, PLATE)
+    _plate(lines, size, context.region.width - right - width - MARGIN * scale, MARGIN * scale - 0.6 * size)
+
+
+def _draw_hover(context: bpy.types.Context, size: float, scale: float) -> None:
+    """Below and right of the mouse, or on its other side where the view ends."""
+    width, height = _plate_size(HOVER.lines, size)
+    apart = MARGIN * scale
+    right = next((r.width for r in context.area.regions if r.type == "UI"), 0)
+    x, y = HOVER.place
+    left = x + apart if x + apart + width < context.region.width - right else x - apart - width
+    bottom = y - apart - height if y - apart - height > 0 else y + apart
+    _plate(HOVER.lines, size, max(left, 0.0), min(bottom, context.region.height - height))
+
+
+def _plate_size(lines: list[str], size: float) -> tuple[float, float]:
+    blf.size(0, size)
+    return max(blf.dimensions(0, line)[0] for line in lines) + 1.2 * size, LINE * len(lines) * size + 0.8 * size
+
+
+def _plate(lines: list[str], size: float, left: float, bottom: float) -> None:
+    """Lines of text on a dark plate; ``left``, ``bottom``: its corner, pixels."""
+    _rectangle(left, bottom, *_plate_size(lines, size), PLATE)
     for row, line in enumerate(reversed(lines)):
-        _text(left + 0.6 * size, bottom + row * step, line, size)
+        _text(left + 0.6 * size, bottom + 0.6 * size + LINE * row * size, line, size)
 
 
 def _redo_panel_height(context: bpy.types.Context) -> float:

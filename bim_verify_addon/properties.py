@@ -199,6 +199,11 @@ class BimVerifySettings(bpy.types.PropertyGroup):
     show_numbers: BoolProperty(
         name="Numbers", default=True, description="Write the numbers of the active element into the 3D view, and why"
     )
+    show_hover: BoolProperty(
+        name="Under mouse",
+        default=True,
+        description="Write what is known of the element and of the place under the mouse beside it",
+    )
     selected_only: BoolProperty(
         name="Selected elements only",
         default=False,
@@ -214,6 +219,7 @@ class BimVerifySettings(bpy.types.PropertyGroup):
     )
     show_legend: BoolProperty(name="Legend", default=True, description="Draw the meaning of the colours in the 3D view")
     counts: CollectionProperty(type=BimVerifyCount)
+    overruled: IntProperty(description="Number of verdicts that a person overruled")
     result_key: StringProperty(description="Names the result in memory; undo brings an earlier one back")
     result_summary: StringProperty()
     result_note: StringProperty()
