@@ -31,6 +31,7 @@ OPTION_LABELS = {
     "sample_spacing": "Sample spacing (m)",
     "fusion": "Fusion rule",
     "preset": "Mass functions",
+    "only": "Only the elements",
     "scan_frame": "Frame of the scans",
     "origin": "Scanner position given (m)",
     "threads": "Threads (0: all)",

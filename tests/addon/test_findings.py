@@ -14,6 +14,7 @@ from bcf.bcfxml import load
 
 from bim_verify.bim_verify_addon import overlay, point_display, project, scene, verdicts
 from bim_verify.core.model.decisions import decisions_in
+from bim_verify.core.options import VerifyOptions
 from bim_verify.core.results import VerificationResult
 
 from ..core.factory import make_ifc
@@ -164,6 +165,33 @@ def test_verdicts_for_the_selection_leave_the_others(
     kept = project.result(verified)
     assert kept is not None
     assert sum(v.status == "PARTIAL" for v in kept.verdicts) == result.count("PARTIAL") + 1
+
+
+def test_the_selection_alone_is_computed_where_the_rest_is_known(
+    verified: bpy.types.Scene, result: VerificationResult, verification: Verification
+) -> None:
+    from dataclasses import replace
+
+    asked: list[tuple[str, ...]] = []
+
+    def found(model: object, paths: object, options: VerifyOptions, progress: object) -> VerificationResult:
+        asked.append(options.only)
+        nothing = replace(result.evidence, m_occ=np.zeros_like(result.evidence.m_occ))
+        return replace(result, evidence=nothing, options=options)
+
+    verification(found)
+    item = select(verified, "CONFIRMED")
+    verified.bim_verify.spacing_mm = 1000 * result.options.sample_spacing
+    ops.verify(selected_only=True)
+    kept = project.result(verified)
+    assert kept is not None
+    own = result.samples.element == [v.global_id for v in result.verdicts].index(item["GlobalId"])
+    assert not kept.evidence.m_occ[own].any()
+    assert np.array_equal(kept.evidence.m_occ[~own], result.evidence.m_occ[~own])
+    assert kept.options.only == ()
+    verified.bim_verify.spacing_mm += 10  # other positions: nothing to put it into
+    ops.verify(selected_only=True)
+    assert asked == [(item["GlobalId"],), ()]
 
 
 def test_the_result_follows_what_the_scene_says(verified: bpy.types.Scene, result: VerificationResult) -> None:
