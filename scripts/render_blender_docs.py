@@ -43,7 +43,9 @@ SIDEBAR = "BIM Verify"
 def story(folder: Path, out: Path) -> Iterator[float]:
     """What a modeller does; yields seconds to wait before the next step."""
     tidy()
-    yield 0.5
+    yield TO_DRAW_S
+    choose_tab()
+    yield TO_DRAW_S
     shoot(out / "blender_empty.png")
     files = make_demo(folder)
     with in_view():
@@ -86,12 +88,16 @@ def tidy() -> None:
     """An empty scene, one view with the sidebar open, no grid."""
     for item in list(bpy.data.objects):
         bpy.data.objects.remove(item)
-    area, space = view(), view().spaces.active
+    space = view().spaces.active
     space.show_region_ui = True
     space.overlay.show_floor = space.overlay.show_axis_x = space.overlay.show_axis_y = False
     space.overlay.show_cursor = False
     space.shading.show_specular_highlight = False
-    for region in area.regions:
+
+
+def choose_tab() -> None:
+    """Ours, of the sidebar; it must have been drawn before."""
+    for region in view().regions:
         if region.type == "UI":
             region.active_panel_category = SIDEBAR
 
