@@ -221,6 +221,7 @@ class BimVerifySettings(bpy.types.PropertyGroup):
     counts: CollectionProperty(type=BimVerifyCount)
     overruled: IntProperty(description="Number of verdicts that a person overruled")
     result_key: StringProperty(description="Names the result in memory; undo brings an earlier one back")
+    verified_model: StringProperty(description="SHA-256 of the model that the verdicts are on")
     result_summary: StringProperty()
     result_note: StringProperty()
     alignment_summary: StringProperty()

@@ -262,3 +262,4 @@ def _store_summary(scene: bpy.types.Scene, result: VerificationResult) -> None:
     summary = result.summary()
     settings.result_summary = f"{summary['elements']} elements, {100 * summary['coverage']:.0f} % of the surface observed"
     settings.result_note = "\n".join(result.warnings)
+    settings.verified_model = result.model.content_hash

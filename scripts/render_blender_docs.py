@@ -2,7 +2,8 @@
 
     blender --factory-startup --window-geometry 0 0 1600 1000 --python scripts/render_blender_docs.py -- [--out docs/images]
 
-Needs a window (a virtual one will do). Blender ends when the last picture is there.
+Needs a window that fills the screen (a virtual one will do): the pictures are taken from the screen, since Blender's own
+screenshots are black where the graphics are emulated. Blender ends when the last picture is there.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from headless_entry import package
 
 PACKAGE = package()
 
-from PIL import Image  # noqa: E402
+from PIL import Image, ImageGrab  # noqa: E402
 
 from bim_verify.bim_verify_addon import hover, scene  # noqa: E402
 from bim_verify.bim_verify_addon.registration import register  # noqa: E402
@@ -154,11 +155,10 @@ def in_view() -> object:
 
 
 def shoot(path: Path) -> None:
-    """The 3D view with its sidebar, as a small PNG."""
-    with in_view():
-        bpy.ops.screen.screenshot_area(filepath=str(path), check_existing=False)
-    with Image.open(path) as picture:
-        picture = picture.convert("RGB")
+    """The 3D view with its sidebar as it is on the screen, as a small PNG."""
+    screen, area = ImageGrab.grab(xdisplay=os.environ.get("DISPLAY")), view()
+    bottom = screen.height - area.y
+    picture = screen.crop((area.x, bottom - area.height, area.x + area.width, bottom)).convert("RGB")
     picture.thumbnail(SIZE)
     picture.quantize(COLORS, dither=Image.Dither.NONE).save(path, optimize=True)
     print(path, flush=True)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import bpy
+import ifcopenshell
 import numpy as np
 import pytest
 from bcf.bcfxml import load
@@ -220,3 +221,19 @@ def test_points_and_voxels_become_geometry(blender: bpy.types.Scene, scan: Path)
     assert len(made.vertices) == 24
     assert "bv_color" in made.attributes
     assert "BIM Verify" in [m.name for m in made.materials if m is not None]
+
+
+def test_another_model_takes_the_findings_of_the_first_away(verified: bpy.types.Scene, house: Path, tmp_path: Path) -> None:
+    ops.import_ifc(filepath=str(house))  # the same again: they still hold
+    assert dict(status_counts(verified))["ABSENT"]
+    assert ops.export_bcf.poll()
+    item = select(verified, "ABSENT")
+    ops.decide(status="CONFIRMED", reason="seen", author="me")
+    revised = ifcopenshell.open(str(house))
+    revised.by_type("IfcWall")[0].Name = "revised"
+    revised.write(str(tmp_path / "revised.ifc"))
+    ops.import_ifc(filepath=str(tmp_path / "revised.ifc"))
+    assert status_counts(verified) == []
+    assert not ops.export_bcf.poll()
+    assert not ops.step_finding.poll()
+    assert item["GlobalId"] in verdicts.decisions(verified)
