@@ -201,6 +201,7 @@ def _mesh(name: str, vertices: NDArray[np.float64], triangles: NDArray[np.intege
     mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(triangles, dtype=np.int32).ravel())
     mesh.polygons.add(len(triangles))
     mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * len(triangles), 3, dtype=np.int32))
+    mesh.polygons.foreach_set("use_smooth", np.zeros(len(triangles), dtype=np.bool_))
     mesh.update(calc_edges=True)
     mesh[frame.ORIGIN_KEY] = [float(v) for v in middle]
     return mesh

@@ -52,7 +52,8 @@ def story(folder: Path, out: Path) -> Iterator[float]:
     with in_view():
         bpy.ops.bim_verify.import_ifc("INVOKE_DEFAULT", filepath=str(files.model))
     yield from until_idle()
-    bpy.context.scene.bim_verify.display_points = 60_000
+    bpy.context.scene.bim_verify.display_points = 200_000
+    bpy.context.scene.bim_verify.point_size_mm = 30
     with in_view():
         bpy.ops.bim_verify.import_scan("INVOKE_DEFAULT", filepath=str(files.scan))
     yield from until_idle()
@@ -101,6 +102,7 @@ def choose_tab() -> None:
     for region in view().regions:
         if region.type == "UI":
             region.active_panel_category = SIDEBAR
+            region.tag_redraw()
 
 
 def frame_building() -> None:

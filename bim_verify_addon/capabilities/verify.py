@@ -63,7 +63,8 @@ def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def _loa(item: bpy.types.Object) -> str:
-    return "NOTOBSERVED" if item.bim_verify.status == "NOTOBSERVED" else item.bim_verify.achieved_loa
+    verdict = item.bim_verify
+    return verdict.status if verdict.status in ("", "NOTOBSERVED") else verdict.achieved_loa
 
 
 def _belief(surface: Surface, _scene: bpy.types.Scene) -> NDArray[np.float64]:
