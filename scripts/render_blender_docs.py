@@ -63,7 +63,9 @@ def story(folder: Path, out: Path) -> Iterator[float]:
     bpy.context.scene.bim_verify.spacing_mm = 50
     with in_view():
         bpy.ops.bim_verify.verify("INVOKE_DEFAULT")
-    yield 6 * WHILE_BUSY_S
+    while SESSION.job is not None and SESSION.job.fraction < 0.4:
+        yield WHILE_BUSY_S
+    yield TO_DRAW_S
     shoot(out / "blender_running.png")
     yield from until_idle()
     for item in scene.scan_objects(bpy.context.scene):
@@ -174,6 +176,7 @@ def main() -> None:
         raise SystemExit("The pictures need a Blender with a window.")
     arguments.out.mkdir(parents=True, exist_ok=True)
     bpy.context.preferences.view.show_splash = False
+    bpy.context.preferences.view.smooth_view = 0
     if not hasattr(bpy.types.Scene, "bim_verify"):
         register()
     folder = tempfile.TemporaryDirectory(prefix="bim_verify_docs_")

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
+from mathutils import Vector
 
 from .. import bonsai, scene
 from .select_findings import needs_findings, of_category
+
+AROUND, NEAREST = 2.2, 1.1
+"""Distance of the viewer from an element, in sizes of it: with its surroundings, and at the least."""
+LEAST_SIZE_M = 0.5
 
 
 class BIMVERIFY_OT_step_finding(bpy.types.Operator):
@@ -45,7 +50,7 @@ class BIMVERIFY_OT_step_finding(bpy.types.Operator):
         item.hide_set(False)
         item.select_set(True)
         context.view_layer.objects.active = item
-        _frame(context)
+        _frame(context, item)
         self.report({"INFO"}, f"{order.index(item) + 1} of {len(order)}: {item.name}")
         return {"FINISHED"}
 
@@ -91,14 +96,27 @@ def _urgency(item: bpy.types.Object) -> tuple[float, str]:
     return (-shift if shift == shift else 0.0, item.name)
 
 
-def _frame(context: bpy.types.Context) -> None:
-    """Frame the selection in the 3D view; without a window there is none."""
+def _frame(context: bpy.types.Context, item: bpy.types.Object) -> None:
+    """Look at an object from the side that the view has now; without a window there is none."""
     if bpy.app.background or context.window is None:
         return
-    area = next((a for a in context.window.screen.areas if a.type == "VIEW_3D"), None)
-    region = next((r for r in area.regions if r.type == "WINDOW"), None) if area is not None else None
-    if region is not None:
-        with context.temp_override(area=area, region=region):
-            bpy.ops.view3d.view_selected()
+    for area in context.window.screen.areas:
+        if area.type == "VIEW_3D":
+            view = area.spaces.active.region_3d
+            if view.view_perspective == "CAMERA":
+                view.view_perspective = "PERSP"
+            toward = view.view_rotation @ Vector((0.0, 0.0, 1.0))
+            view.view_location, view.view_distance = sight(context, item, toward)
+            return
 
 
+def sight(context: bpy.types.Context, item: bpy.types.Object, toward: Vector) -> tuple[Vector, float]:
+    """Where to look (the object's middle) and from how far towards the viewer: with what is around it, but from this side
+    of a wall that would hide it. World, metres; ``toward`` is a unit vector."""
+    corners = [item.matrix_world @ Vector(corner) for corner in item.bound_box]
+    low, high = (Vector([pick(c[axis] for c in corners) for axis in range(3)]) for pick in (min, max))
+    middle, size = 0.5 * (low + high), max((high - low).length, LEAST_SIZE_M)
+    start = middle + (0.5 * size) * toward
+    hit, where, *_ = context.scene.ray_cast(context.evaluated_depsgraph_get(), start, toward, distance=AROUND * size)
+    free = 0.5 * size + (where - start).length if hit else AROUND * size
+    return middle, min(max(free, NEAREST * size), AROUND * size)

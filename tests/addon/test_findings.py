@@ -10,8 +10,10 @@ import ifcopenshell
 import numpy as np
 import pytest
 from bcf.bcfxml import load
+from mathutils import Vector
 
 from bim_verify.bim_verify_addon import overlay, point_display, project, scene, verdicts
+from bim_verify.bim_verify_addon.operators.walk_findings import sight
 from bim_verify.core.model.decisions import decisions_in
 from bim_verify.core.options import VerifyOptions
 from bim_verify.core.results import VerificationResult
@@ -135,6 +137,22 @@ def test_stepping_goes_round_the_class(verified: bpy.types.Scene, result: Verifi
     assert bpy.context.active_object.name == seen[2]
     with pytest.raises(RuntimeError, match="There is no class"):
         ops.step_finding(category="NO SUCH")
+
+
+def test_a_finding_is_looked_at_from_this_side_of_walls(verified: bpy.types.Scene) -> None:
+    column = next(o for o in scene.element_objects(verified).values() if o.bim_verify.ifc_class == "IfcColumn")
+    bpy.context.view_layer.update()
+    south, up = Vector((0.0, -1.0, 0.0)), Vector((0.0, 0.0, 1.0))
+    middle, free = sight(bpy.context, column, up)
+    size = column.dimensions.length
+    assert free == pytest.approx(2.2 * size, rel=0.01)
+    mesh = bpy.data.meshes.new("screen")
+    y = middle.y - 1.5 * size
+    mesh.from_pydata([(-99, y, -99), (99, y, -99), (0, y, 99)], [], [(0, 1, 2)])
+    verified.collection.objects.link(bpy.data.objects.new("screen", mesh))
+    bpy.context.view_layer.update()
+    _, near = sight(bpy.context, column, south)
+    assert 1.1 * size - 1e-3 <= near <= 1.5 * size + 1e-3
 
 
 def test_isolating_hides_the_others_and_brings_them_back(verified: bpy.types.Scene) -> None:
