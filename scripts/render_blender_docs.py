@@ -34,8 +34,8 @@ from bim_verify.bim_verify_addon.session import SESSION  # noqa: E402
 from bim_verify.core.simulation.demo import make_demo  # noqa: E402
 
 SIZE = (1200, 750)
-COLORS = 200
-"""In a picture: small files, no visible loss."""
+COLORS = 256
+"""In a picture: small files; the rarest colours, as those of the legend, are kept."""
 WHILE_BUSY_S, TO_DRAW_S = 0.3, 1.5
 MODES = {"DEVIATION": "deviation", "BELIEF": "evidence", "LOA": "loa", "COVERAGE": "coverage"}
 SIDEBAR = "BIM Verify"
@@ -89,14 +89,14 @@ def story(folder: Path, out: Path) -> Iterator[float]:
 
 
 def tidy() -> None:
-    """An empty scene, one view with the sidebar open, no grid."""
+    """An empty scene, one view with the sidebar open, no grid; flat light, so that colours are those of the legend."""
     for item in list(bpy.data.objects):
         bpy.data.objects.remove(item)
     space = view().spaces.active
     space.show_region_ui = True
     space.overlay.show_floor = space.overlay.show_axis_x = space.overlay.show_axis_y = False
     space.overlay.show_cursor = False
-    space.shading.show_specular_highlight = False
+    space.shading.light, space.shading.show_cavity, space.shading.cavity_type = "FLAT", True, "BOTH"
 
 
 def choose_tab() -> None:
@@ -164,7 +164,7 @@ def shoot(path: Path) -> None:
     bottom = screen.height - area.y
     picture = screen.crop((area.x, bottom - area.height, area.x + area.width, bottom)).convert("RGB")
     picture.thumbnail(SIZE)
-    picture.quantize(COLORS, dither=Image.Dither.NONE).save(path, optimize=True)
+    picture.quantize(COLORS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(path, optimize=True)
     print(path, flush=True)
 
 
