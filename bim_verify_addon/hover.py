@@ -26,6 +26,8 @@ PAST_M = 1e-4
 """A ray goes on this far behind what it hit."""
 SHARE = 0.2
 """Of the time that may be spent on looking while the mouse moves."""
+SHOWN_S = 10.0
+"""After this time without a movement the text goes: the mouse may have left the view in one leap."""
 EDGE_PX = 6
 """Seen last so close to the border of a view, the mouse has left it."""
 
@@ -39,6 +41,8 @@ class Hover:
     place: tuple[int, int] = (0, 0)
     """Of the mouse in it, pixels."""
     lines: list[str] = field(default_factory=list)
+    shown_until: float = 0.0
+    """Time (``time.perf_counter``) after which the lines go."""
     rest_until: float = 0.0
     """Time (``time.perf_counter``) before which nothing is looked up."""
 
@@ -85,8 +89,9 @@ CLASSES = (BIMVERIFY_GT_hover, BIMVERIFY_GGT_hover)
 def forget() -> None:
     """Show nothing until the mouse moves again."""
     HOVER.lines = []
-    if bpy.app.timers.is_registered(_look_again):
-        bpy.app.timers.unregister(_look_again)
+    for timer in (_look_again, _hide):
+        if bpy.app.timers.is_registered(timer):
+            bpy.app.timers.unregister(timer)
 
 
 def pointed_at(
@@ -104,19 +109,39 @@ def pointed_at(
     took = time.perf_counter() - now
     HOVER.rest_until = now + took / SHARE
     if found or HOVER.lines:
-        HOVER.lines = found
+        HOVER.lines, HOVER.shown_until = found, now + SHOWN_S
         region.tag_redraw()
+        if not bpy.app.timers.is_registered(_hide):
+            bpy.app.timers.register(_hide, first_interval=SHOWN_S)
+
+
+def _hide() -> float | None:
+    """Take the text away when its time is over."""
+    left = HOVER.shown_until - time.perf_counter()
+    if left > 0 and HOVER.lines:
+        return left
+    HOVER.lines = []
+    if (found := _region()) is not None:
+        found[2].tag_redraw()
+    return None
 
 
 def _look_again() -> None:
     """The mouse has come to rest before the last place was looked at."""
+    if (found := _region()) is not None:
+        window, area, region = found
+        with bpy.context.temp_override(window=window, area=area, region=region):
+            pointed_at(bpy.context, area, region, HOVER.place)
+
+
+def _region() -> tuple[bpy.types.Window, bpy.types.Area, bpy.types.Region] | None:
+    """The region that the mouse was in, if it is still there."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             for region in area.regions:
                 if area.type == "VIEW_3D" and region.as_pointer() == HOVER.region:
-                    with bpy.context.temp_override(window=window, area=area, region=region):
-                        pointed_at(bpy.context, area, region, HOVER.place)
-                    return
+                    return window, area, region
+    return None
 
 
 def _look(

@@ -59,6 +59,12 @@ def _recolor(settings: BimVerifySettings, context: bpy.types.Context) -> None:
     recolor(settings.id_data)
 
 
+def _forget_hover(settings: BimVerifySettings, context: bpy.types.Context) -> None:
+    from .hover import forget
+
+    forget()
+
+
 def _resize_points(settings: BimVerifySettings, context: bpy.types.Context) -> None:
     from .point_display import set_point_size
 
@@ -203,6 +209,7 @@ class BimVerifySettings(bpy.types.PropertyGroup):
         name="Under mouse",
         default=True,
         description="Write what is known of the element and of the place under the mouse beside it",
+        update=_forget_hover,
     )
     selected_only: BoolProperty(
         name="Selected elements only",

@@ -66,9 +66,7 @@ class BIMVERIFY_OT_quality(Job["tuple[QualityResult, SurveyDisplay]"], bpy.types
         from ..survey_scene import show_quality
 
         result, display = value
-        live = bonsai.live_file()
-        if live is not None:
-            apply_quality_psets(live, result)
+        bonsai.change_file(context, self.bl_idname, lambda file: apply_quality_psets(file, result))
         project.adopt_frame(context.scene, result.model)
         message = show_quality(context.scene, result, display)
         scene.show_colors_in_views()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ from bpy.props import BoolProperty, StringProperty
 from numpy.typing import NDArray
 
 from ...core.errors import BimVerifyError
+from ...core.files import whole_file
 from ...core.options import ReconstructOptions
 from ...core.progress import Progress
 from .. import bonsai, project
@@ -92,9 +93,13 @@ class BIMVERIFY_OT_reconstruct(Job[Made], bpy.types.Operator):
 
         def work(progress: Progress) -> Made:
             found = jobs.reconstruct(paths, options, progress.part(0.0, 0.9))
-            progress.check()
-            write_reconstruction(path, found)
-            loaded = load_model(path, threads=options.threads, progress=progress.part(0.9, 1.0)) if show else None
+            loaded = None
+            with whole_file(path) as temporary:
+                write_reconstruction(temporary, found)
+                if show:
+                    loaded = load_model(temporary, threads=options.threads, progress=progress.part(0.9, 1.0))
+                    loaded = replace(loaded, path=str(path))
+                progress.check()
             first, *notes = summary_lines(found)
             return Made(path, first, notes, loaded, project.placement(loaded, paths, common))
 

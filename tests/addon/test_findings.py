@@ -14,6 +14,7 @@ from mathutils import Vector
 
 from bim_verify.bim_verify_addon import overlay, point_display, project, scene, verdicts
 from bim_verify.bim_verify_addon.operators.walk_findings import sight
+from bim_verify.core.errors import Cancelled
 from bim_verify.core.model.decisions import decisions_in
 from bim_verify.core.options import VerifyOptions
 from bim_verify.core.results import VerificationResult
@@ -73,6 +74,19 @@ def test_exports_say_what_is_wrong(verified: bpy.types.Scene, house: Path, tmp_p
     with pytest.raises(RuntimeError, match="Cannot"):
         getattr(ops, operator)(filepath=str(tmp_path / "file" / "x"))
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_cancelled_export_leaves_neither_file_nor_folder(
+    verified: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from bim_verify.core.report import html
+
+    def stopped(*_: object, **__: object) -> str:
+        raise Cancelled
+
+    monkeypatch.setattr(html, "render_page", stopped)
+    assert ops.report(filepath=str(tmp_path / "report")) == {"CANCELLED"}
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_bcf_of_the_selection_has_its_topics_only(verified: bpy.types.Scene, tmp_path: Path) -> None:
