@@ -76,7 +76,7 @@ class BIMVERIFY_GGT_hover(bpy.types.GizmoGroup):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         settings = context.scene.bim_verify
-        return bool(settings.counts) and settings.show_hover
+        return bool(settings.has_findings and settings.show_hover)
 
     def setup(self, context: bpy.types.Context) -> None:
         gizmo = self.gizmos.new(BIMVERIFY_GT_hover.bl_idname)

@@ -58,7 +58,7 @@ def legend(scene: bpy.types.Scene) -> colors.Legend:
 def _draw() -> None:
     context = bpy.context
     settings = context.scene.bim_verify
-    if not settings.counts:
+    if not settings.has_findings:
         return
     scale = context.preferences.system.ui_scale
     size = legend_size(context) * scale

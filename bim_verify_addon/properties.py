@@ -226,6 +226,7 @@ class BimVerifySettings(bpy.types.PropertyGroup):
     )
     show_legend: BoolProperty(name="Legend", default=True, description="Draw the meaning of the colours in the 3D view")
     counts: CollectionProperty(type=BimVerifyCount)
+    has_findings: BoolProperty(description="Something is known of an element that colours can show")
     overruled: IntProperty(description="Number of verdicts that a person overruled")
     result_key: StringProperty(description="Names the result in memory; undo brings an earlier one back")
     verified_model: StringProperty(description="SHA-256 of the model that the verdicts are on")

@@ -29,11 +29,12 @@ class BIMVERIFY_PT_result(bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(context.scene.bim_verify.counts)
+        return bool(context.scene.bim_verify.has_findings)
 
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = context.scene.bim_verify, self.layout
-        wrapped(layout, context, settings.result_summary)
+        if settings.result_summary:
+            wrapped(layout, context, settings.result_summary)
         if settings.overruled:
             wrapped(layout, context, f"{settings.overruled} of the verdicts are overruled by a person")
         layout.prop(settings, "color_mode")
