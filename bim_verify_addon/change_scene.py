@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ..core.change.results import CONFIRMED, DISAPPEARED, NEW, UNKNOWN, ChangeResult
 from ..core.report.palette import VOXEL_COLORS, to_linear
 from . import frame, materials, scene
+from .point_display import show_as_voxels
 
 STATES_KEY = "bim_verify_states"
 """On element objects: their state at each epoch, joined by spaces; the last one is that of the comparison."""
@@ -83,7 +84,7 @@ def _paint(mesh: bpy.types.Mesh, rgb: NDArray[np.float64]) -> None:
 
 
 def _show_voxels(target: bpy.types.Scene, result: ChangeResult) -> None:
-    """New and gone voxels as surfaces, the others as points."""
+    """New and gone voxels as surfaces; the others as points, hidden at first: they fill the building and the rooms."""
     from ..core.report.change_files import voxel_skin
 
     for old in [item for item in target.objects if VOXEL_KEY in item]:
@@ -108,9 +109,15 @@ def _show_voxels(target: bpy.types.Scene, result: ChangeResult) -> None:
         mesh.from_pydata((vertices - middle).tolist(), [], quads.tolist())
         scene.set_attribute(mesh, STATE, "INT", np.full(len(vertices), code, np.int32))
         _paint(mesh, np.broadcast_to(to_linear(VOXEL_COLORS[code]), (len(vertices), 3)))
-        mesh.materials.append(materials.surface_material(scene.COLOR))
         item = bpy.data.objects.new(f"{VOXELS} {name}", mesh)
+        if len(quads):
+            mesh.materials.append(materials.surface_material(scene.COLOR))
+        else:
+            show_as_voxels(item, result.edge)
         item[VOXEL_KEY] = code
         item[frame.ORIGIN_KEY] = [float(v) for v in middle]
         frame.place(item, place)
         scene.collection(target, VOXELS).objects.link(item)
+        if not len(quads) and item.name in bpy.context.view_layer.objects:
+            item.hide_set(True)
+            item.hide_render = True

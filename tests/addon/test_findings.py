@@ -249,10 +249,10 @@ def test_points_and_voxels_become_geometry(blender: bpy.types.Scene, scan: Path)
     item = bpy.data.objects.new("v", mesh)
     blender.collection.objects.link(item)
     point_display.show_as_voxels(item, 0.1)
-    made = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
-    assert len(made.vertices) == 24
-    assert "bv_color" in made.attributes
-    assert "BIM Verify" in [m.name for m in made.materials if m is not None]
+    made = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    assert made.modifiers[point_display.MODIFIER].node_group.name == f"{point_display.VOXELS} 100 mm"
+    assert made.modifiers[point_display.MODIFIER].node_group.nodes["Size"].outputs[0].default_value == pytest.approx(0.05)
+    assert tuple(item.color) == pytest.approx((1.0, 0.0, 0.0, 1.0))
 
 
 def test_another_model_takes_the_findings_of_the_first_away(verified: bpy.types.Scene, house: Path, tmp_path: Path) -> None:
