@@ -26,16 +26,14 @@ from headless_entry import package
 
 PACKAGE = package()
 
-from PIL import Image, ImageGrab  # noqa: E402
+from PIL import ImageGrab  # noqa: E402
 
 from bim_verify.bim_verify_addon import hover, scene  # noqa: E402
 from bim_verify.bim_verify_addon.registration import register  # noqa: E402
 from bim_verify.bim_verify_addon.session import SESSION  # noqa: E402
 from bim_verify.core.simulation.demo import make_demo  # noqa: E402
 
-SIZE = (1200, 750)
-COLORS = 256
-"""In a picture: small files; the rarest colours, as those of the legend, are kept."""
+SIZE = (1000, 700)
 WHILE_BUSY_S, TO_DRAW_S = 0.3, 1.5
 MODES = {"DEVIATION": "deviation", "BELIEF": "evidence", "LOA": "loa", "COVERAGE": "coverage"}
 SIDEBAR = "BIM Verify"
@@ -164,7 +162,7 @@ def shoot(path: Path) -> None:
     bottom = screen.height - area.y
     picture = screen.crop((area.x, bottom - area.height, area.x + area.width, bottom)).convert("RGB")
     picture.thumbnail(SIZE)
-    picture.quantize(COLORS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(path, optimize=True)
+    picture.save(path, optimize=True)
     print(path, flush=True)
 
 

@@ -7,11 +7,8 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from mathutils import Vector
 
 from .. import bonsai, scene
+from ..sight import sight
 from .select_findings import needs_findings, of_category
-
-AROUND, NEAREST = 2.2, 1.1
-"""Distance of the viewer from an element, in sizes of it: with its surroundings, and at the least."""
-LEAST_SIZE_M = 0.5
 
 
 class BIMVERIFY_OT_step_finding(bpy.types.Operator):
@@ -97,7 +94,7 @@ def _urgency(item: bpy.types.Object) -> tuple[float, str]:
 
 
 def _frame(context: bpy.types.Context, item: bpy.types.Object) -> None:
-    """Look at an object from the side that the view has now; without a window there is none."""
+    """Look at an object so that it is seen; without a window there is no view."""
     if bpy.app.background or context.window is None:
         return
     for area in context.window.screen.areas:
@@ -105,18 +102,7 @@ def _frame(context: bpy.types.Context, item: bpy.types.Object) -> None:
             view = area.spaces.active.region_3d
             if view.view_perspective == "CAMERA":
                 view.view_perspective = "PERSP"
-            toward = view.view_rotation @ Vector((0.0, 0.0, 1.0))
-            view.view_location, view.view_distance = sight(context, item, toward)
+            toward, middle, distance = sight(context, item, view.view_rotation @ Vector((0.0, 0.0, 1.0)))
+            view.view_rotation = toward.to_track_quat("Z", "Y")
+            view.view_location, view.view_distance = middle, distance
             return
-
-
-def sight(context: bpy.types.Context, item: bpy.types.Object, toward: Vector) -> tuple[Vector, float]:
-    """Where to look (the object's middle) and from how far towards the viewer: with what is around it, but from this side
-    of a wall that would hide it. World, metres; ``toward`` is a unit vector."""
-    corners = [item.matrix_world @ Vector(corner) for corner in item.bound_box]
-    low, high = (Vector([pick(c[axis] for c in corners) for axis in range(3)]) for pick in (min, max))
-    middle, size = 0.5 * (low + high), max((high - low).length, LEAST_SIZE_M)
-    start = middle + (0.5 * size) * toward
-    hit, where, *_ = context.scene.ray_cast(context.evaluated_depsgraph_get(), start, toward, distance=AROUND * size)
-    free = 0.5 * size + (where - start).length if hit else AROUND * size
-    return middle, min(max(free, NEAREST * size), AROUND * size)

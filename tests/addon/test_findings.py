@@ -13,7 +13,7 @@ from bcf.bcfxml import load
 from mathutils import Vector
 
 from bim_verify.bim_verify_addon import overlay, point_display, project, scene, verdicts
-from bim_verify.bim_verify_addon.operators.walk_findings import sight
+from bim_verify.bim_verify_addon.sight import sight
 from bim_verify.core.errors import Cancelled
 from bim_verify.core.model.decisions import decisions_in
 from bim_verify.core.options import VerifyOptions
@@ -153,20 +153,31 @@ def test_stepping_goes_round_the_class(verified: bpy.types.Scene, result: Verifi
         ops.step_finding(category="NO SUCH")
 
 
-def test_a_finding_is_looked_at_from_this_side_of_walls(verified: bpy.types.Scene) -> None:
+def test_a_finding_is_looked_at_from_where_it_is_seen(verified: bpy.types.Scene) -> None:
     column = next(o for o in scene.element_objects(verified).values() if o.bim_verify.ifc_class == "IfcColumn")
+    for other in scene.element_objects(verified).values():
+        other.hide_set(other != column)
     bpy.context.view_layer.update()
-    south, up = Vector((0.0, -1.0, 0.0)), Vector((0.0, 0.0, 1.0))
-    middle, free = sight(bpy.context, column, up)
-    size = column.dimensions.length
-    assert free == pytest.approx(2.2 * size, rel=0.01)
-    mesh = bpy.data.meshes.new("screen")
-    y = middle.y - 1.5 * size
-    mesh.from_pydata([(-99, y, -99), (99, y, -99), (0, y, 99)], [], [(0, 1, 2)])
-    verified.collection.objects.link(bpy.data.objects.new("screen", mesh))
-    bpy.context.view_layer.update()
-    _, near = sight(bpy.context, column, south)
-    assert 1.1 * size - 1e-3 <= near <= 1.5 * size + 1e-3
+    south, size = Vector((0.0, -1.0, 0.0)), column.dimensions.length
+    toward, middle, distance = sight(bpy.context, column, south)
+    assert toward == south
+    assert distance == pytest.approx(2.2 * size, rel=0.01)
+
+    def screen(away: float) -> None:
+        mesh = bpy.data.meshes.new("screen")
+        y = middle.y - away
+        mesh.from_pydata([(-99, y, -99), (99, y, -99), (0, y, 99)], [], [(0, 1, 2)])
+        verified.collection.objects.link(bpy.data.objects.new("screen", mesh))
+        bpy.context.view_layer.update()
+
+    screen(1.5 * size)  # a wall behind the viewer, who comes closer
+    toward, _, distance = sight(bpy.context, column, south)
+    assert toward == south
+    assert distance == pytest.approx(1.5 * size, rel=0.1)
+    screen(0.3 * size)  # a wall right before it: from another side
+    toward, _, distance = sight(bpy.context, column, south)
+    assert toward.dot(south) < 0.5
+    assert distance > 1.5 * size
 
 
 def test_isolating_hides_the_others_and_brings_them_back(verified: bpy.types.Scene) -> None:
