@@ -15,7 +15,7 @@ import numpy as np
 from bpy_extras import view3d_utils
 from mathutils import Vector
 
-from .capabilities import CAPABILITIES
+from .capabilities import shown_first
 from .known import known_of
 
 LINE_LENGTH = 60
@@ -184,11 +184,13 @@ def _nearest_vertex(item: bpy.types.Object, face: int, where: Vector) -> int:
 
 
 def lines(item: bpy.types.Object, vertex: int) -> list[str]:
-    """Which element, and what each capability says of it in short."""
+    """Which element, what the capability of the colours shown says of it in short, and a line of each other one."""
     stored = item.bim_verify
     said = [f"{stored.ifc_class}  {stored.element_name or 'unnamed'}"]
-    for capability in CAPABILITIES:
-        if capability.brief is not None:
-            for line in capability.brief(item, vertex):
+    whole = True
+    for capability in shown_first(bpy.context.scene.bim_verify.color_mode):
+        if capability.brief is not None and (brief := capability.brief(item, vertex)):
+            for line in brief if whole else brief[:1]:
                 said += textwrap.wrap(line, LINE_LENGTH)
+            whole = False
     return said

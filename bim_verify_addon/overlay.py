@@ -11,7 +11,7 @@ import gpu
 from gpu_extras.batch import batch_for_shader
 
 from . import colors
-from .capabilities import CAPABILITIES, MODES
+from .capabilities import MODES, shown_first
 from .hover import HOVER, LINE_LENGTH
 from .known import known_object
 from .preferences import legend_size
@@ -25,7 +25,7 @@ PLATE = (0.1, 0.1, 0.1, 0.75)
 LINE = 1.5
 """Height of a line, in heights of its letters."""
 MOST_ROWS = 12
-"""Numbers of one capability that are drawn; the panel has them all."""
+"""Numbers that are drawn; the panel has them all."""
 
 Linear = tuple[float, float, float, float]
 
@@ -93,16 +93,18 @@ def _draw_legend(context: bpy.types.Context, size: float, scale: float) -> None:
 
 
 def numbers(context: bpy.types.Context) -> list[str]:
-    """Lines on the active element: what it is, why it got its verdict, the numbers that matter."""
+    """Lines on the active element: what it is, why it has the colour it has, the numbers behind that."""
     item = known_object(context)
     if item is None:
         return []
     lines = [f"{item.bim_verify.ifc_class}  {item.bim_verify.element_name or 'unnamed'}"]
-    for capability in CAPABILITIES:
+    for capability in shown_first(context.scene.bim_verify.color_mode):
         rows = capability.numbers(item) if capability.numbers is not None else []
-        if rows and capability.why is not None:
-            lines += textwrap.wrap(capability.why(item), LINE_LENGTH)
-        lines += [f"{name}: {value}" for name, value in rows if value not in ("", "–")][:MOST_ROWS]
+        if rows:
+            if capability.why is not None:
+                lines += textwrap.wrap(capability.why(item), LINE_LENGTH)
+            lines += [f"{name}: {value}" for name, value in rows if value not in ("", "–")][:MOST_ROWS]
+            break
     return lines
 
 

@@ -40,7 +40,7 @@ def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 def _numbers(item: bpy.types.Object) -> list[tuple[str, str]]:
     states = str(item.get(change_scene.STATES_KEY, "")).split()
     names = str(bpy.context.scene.get(change_scene.EPOCHS_KEY, "")).split("\n")
-    return [(name, state.capitalize()) for name, state in zip(names, states, strict=False)]
+    return [(name or "Change", state.capitalize()) for name, state in zip(names, states, strict=False)]
 
 
 def _brief(item: bpy.types.Object, vertex: int) -> list[str]:

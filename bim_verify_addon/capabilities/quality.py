@@ -86,12 +86,11 @@ def _why(item: bpy.types.Object) -> str:
 
 
 def _brief(item: bpy.types.Object, vertex: int) -> list[str]:
-    """The cause at one vertex, and only where these are the colours shown: the verdict comes first."""
-    if not _surveyed(item) or bpy.context.scene.bim_verify.color_mode not in (MODES[0].identifier, MODES[1].identifier):
+    if not _surveyed(item):
         return []
     cause = item.data.attributes[survey_scene.CAUSE].data[vertex].value if vertex >= 0 else float("nan")
     here = [f"Here: {_colors()[int(cause)][0]}"] if cause == cause else []
-    return [*here, _why(item)]
+    return [*here, *_why(item).splitlines()]
 
 
 def show(scene: bpy.types.Scene, result: Any) -> bool:
