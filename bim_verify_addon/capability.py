@@ -60,5 +60,7 @@ class Capability:
     """A few lines for the read-out under the mouse. Also given: the vertex pointed at, -1 where there is none."""
     why: Callable[[bpy.types.Object], str] | None = None
     """The sentence below them."""
+    forget: Callable[[bpy.types.Scene], None] | None = None
+    """Another model was imported: what was found on the one before holds no more."""
     show: Callable[[bpy.types.Scene, Any], bool] | None = None
     """Put a result (``Outcome.result`` of a command with ``--blend``) into an empty scene; False if it is not one's own."""

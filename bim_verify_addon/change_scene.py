@@ -51,6 +51,24 @@ def show_change(target: bpy.types.Scene, result: ChangeResult) -> None:
     color_elements(target)
 
 
+def forget(target: bpy.types.Scene) -> None:
+    """Take states, epochs and voxels away."""
+    for item in scene.element_objects(target).values():
+        item.pop(STATES_KEY, None)
+    _remove_voxels(target)
+    target.pop(EPOCHS_KEY, None)
+    settings = target.bim_verify_change
+    settings.summary, settings.epochs, settings.epoch_name = "", 0, ""
+
+
+def _remove_voxels(target: bpy.types.Scene) -> None:
+    for old in [item for item in target.objects if VOXEL_KEY in item]:
+        mesh = old.data
+        bpy.data.objects.remove(old)
+        if mesh.users == 0:
+            bpy.data.meshes.remove(mesh)
+
+
 def state_now(item: bpy.types.Object) -> str:
     """State of an element at the epoch that the slider says; empty where no comparison knows it."""
     states = str(item.get(STATES_KEY, "")).split()
@@ -87,11 +105,7 @@ def _show_voxels(target: bpy.types.Scene, result: ChangeResult) -> None:
     """New and gone voxels as surfaces; the others as points, hidden at first: they fill the building and the rooms."""
     from ..core.report.change_files import voxel_skin
 
-    for old in [item for item in target.objects if VOXEL_KEY in item]:
-        mesh = old.data
-        bpy.data.objects.remove(old)
-        if mesh.users == 0:
-            bpy.data.meshes.remove(mesh)
+    _remove_voxels(target)
     place = frame.stored(target) or frame.ViewFrame()
     cloud = result.voxels
     for code, name in NAMES.items():

@@ -25,6 +25,7 @@ STATION_KEY = "bim_verify_station"
 """On each station's marker: its name."""
 CAUSE, COVERED, SPACING = "bv_cause", "bv_covered", "bv_spacing"
 MODE = "MISSING"
+ELEMENT_KEYS = ("bim_verify_coverage", "bim_verify_gsa_level", "bim_verify_actions", "bim_verify_quality")
 CONE_LENGTH_M = 0.6
 CONE_SIDES = 24
 SUMMARY_KEY = "bim_verify_survey"
@@ -132,6 +133,14 @@ def show_quality(target: bpy.types.Scene, result: QualityResult, display: Survey
         f"{100 * summary['coverage']:.0f} % of the surface has returns."
     )
     return str(target[SUMMARY_KEY])
+
+
+def forget(target: bpy.types.Scene) -> None:
+    """What was found on the elements is no more; stations stay, they belong to the scans or to a plan."""
+    target.pop(SUMMARY_KEY, None)
+    for item in scene.element_objects(target).values():
+        for key in ELEMENT_KEYS:
+            item.pop(key, None)
 
 
 def show_plan(target: bpy.types.Scene, result: PlanResult) -> str:

@@ -85,5 +85,6 @@ CAPABILITY = Capability(
     BimVerifyChangeSettings,
     numbers=_numbers,
     brief=_brief,
+    forget=change_scene.forget,
     show=show,
 )

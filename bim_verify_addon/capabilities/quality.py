@@ -105,5 +105,6 @@ CAPABILITY = Capability(
     numbers=_numbers,
     why=_why,
     brief=_brief,
+    forget=survey_scene.forget,
     show=show,
 )

@@ -29,6 +29,10 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     layout.operator("bim_verify.reconstruct", icon="MOD_SOLIDIFY")
 
 
+def _forget(scene: bpy.types.Scene) -> None:
+    scene.bim_verify_reconstruct.summary = ""
+
+
 def show(scene: bpy.types.Scene, result: Any) -> bool:
     """Fill an empty scene with what was reconstructed; False if the result is none."""
     from ...core.reconstruction.building import Reconstruction
@@ -56,5 +60,6 @@ CAPABILITY = Capability(
     "reconstruct",
     Step("reconstruct", "Reconstruct", _state, _draw, optional=True),
     settings=BimVerifyReconstructSettings,
+    forget=_forget,
     show=show,
 )

@@ -223,5 +223,6 @@ CAPABILITY = Capability(
     numbers=_numbers,
     brief=_brief,
     why=_why,
+    forget=verdicts.forget,
     show=show,
 )

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ...core.errors import BimVerifyError
 from ...core.progress import Progress
-from .. import bonsai, paint, project, scene, verdicts
+from .. import bonsai, paint, project, scene
+from ..capabilities import CAPABILITIES
 from ..jobs import Job, Work
 from ..session import SESSION
 from .file_browser import ask_or_start, idle, restart_when_closed
@@ -73,7 +74,9 @@ def adopt_model(context: bpy.types.Context, model: BuildingModel, placement: NDA
     if bonsai.live_file() is None:
         scene.show_model(context.scene, model)
         if settings.verified_model != model.content_hash:
-            verdicts.forget(context.scene)
+            for capability in CAPABILITIES:
+                if capability.forget is not None:
+                    capability.forget(context.scene)
         paint.refresh(context.scene)
     scene.move_scans(context.scene, placement)
     settings.alignment_summary = ""

@@ -62,6 +62,22 @@ def test_verdicts_and_survey_share_the_surface(
     assert item["bim_verify_quality"].split()[0] in "\n".join(hover.lines(item, 0))
 
 
+def test_another_model_takes_the_survey_away(
+    blender: bpy.types.Scene, house: Path, scan: Path, survey: QualityResult, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(jobs, "quality", lambda *_: survey)
+    blender.bim_verify.display_vertices = 10_000
+    ops.import_ifc(filepath=str(house))
+    ops.import_scan(filepath=str(scan))
+    ops.quality()
+    assert blender[survey_scene.SUMMARY_KEY]
+    (tmp_path / "other.ifc").write_bytes(house.read_bytes() + b"\n")
+    ops.import_ifc(filepath=str(tmp_path / "other.ifc"))
+    assert survey_scene.SUMMARY_KEY not in blender
+    assert not blender.bim_verify.has_findings
+    assert not any("bim_verify_quality" in item for item in scene.element_objects(blender).values())
+
+
 def test_a_survey_alone_is_explained_too(blender: bpy.types.Scene, survey: QualityResult, tmp_path: Path) -> None:
     save_blend(survey, tmp_path / "survey.blend", display_vertices=10_000)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "survey.blend"))
