@@ -45,29 +45,30 @@ def story(folder: Path, out: Path) -> Iterator[float]:
     yield TO_DRAW_S
     choose_tab()
     yield TO_DRAW_S
-    shoot(out / "blender_empty.png")
     files = make_demo(folder)
     with in_view():
         bpy.ops.bim_verify.import_ifc("INVOKE_DEFAULT", filepath=str(files.model))
     yield from until_idle()
-    bpy.context.scene.bim_verify.display_points = 200_000
-    bpy.context.scene.bim_verify.point_size_mm = 30
+    bpy.context.scene.bim_verify.display_points = 150_000
+    bpy.context.scene.bim_verify.point_size_mm = 40
     with in_view():
         bpy.ops.bim_verify.import_scan("INVOKE_DEFAULT", filepath=str(files.scan))
     yield from until_idle()
     frame_building()
     yield TO_DRAW_S
-    shoot(out / "blender_scan.png")
     bpy.context.scene.bim_verify.spacing_mm = 50
     with in_view():
         bpy.ops.bim_verify.verify("INVOKE_DEFAULT")
     while SESSION.job is not None and SESSION.job.fraction < 0.4:
         yield WHILE_BUSY_S
     yield TO_DRAW_S
-    shoot(out / "blender_running.png")
+    shoot(out / "blender_scan.png")
     yield from until_idle()
     for item in scene.scan_objects(bpy.context.scene):
         item.hide_set(True)
+    shading = view().spaces.active.shading
+    # Flat light: the colours are those of the legend.
+    shading.light, shading.show_cavity, shading.cavity_type = "FLAT", True, "BOTH"
     frame_building()
     yield TO_DRAW_S
     shoot(out / "blender_status.png")
@@ -87,14 +88,14 @@ def story(folder: Path, out: Path) -> Iterator[float]:
 
 
 def tidy() -> None:
-    """An empty scene, one view with the sidebar open, no grid; flat light, so that colours are those of the legend."""
+    """An empty scene, one view with the sidebar open, no grid."""
     for item in list(bpy.data.objects):
         bpy.data.objects.remove(item)
     space = view().spaces.active
     space.show_region_ui = True
     space.overlay.show_floor = space.overlay.show_axis_x = space.overlay.show_axis_y = False
     space.overlay.show_cursor = False
-    space.shading.light, space.shading.show_cavity, space.shading.cavity_type = "FLAT", True, "BOTH"
+    space.shading.show_object_outline = False
 
 
 def choose_tab() -> None:
