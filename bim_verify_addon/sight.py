@@ -7,16 +7,17 @@ import math
 import bpy
 from mathutils import Vector
 
-AROUND, NEAREST = 2.2, 0.9
-"""Distance of the viewer from an element's middle, in sizes of it: with its surroundings, and at the least."""
+AROUND, WELL, NEAREST = 2.2, 1.0, 0.55
+"""Distance of the viewer from an element's middle, in sizes of it: with its surroundings; so that no other side need be
+looked for; at the least."""
 LEAST_SIZE_M = 0.5
-KEEP = 1.5
-"""As much farther must the sight reach from another side for the view to be turned."""
 SIDES = [(azimuth, elevation) for elevation in (25, 55, -25, 80, -80) for azimuth in range(15, 375, 30)]
 """Degrees."""
 PROBES = 0.3
 """Besides the middle, places so far towards the corners of the bounding box are looked at."""
 PAST_M = 1e-3
+BEFORE = 0.97
+"""The viewer stands so far towards what comes next."""
 
 
 def sight(context: bpy.types.Context, item: bpy.types.Object, toward: Vector) -> tuple[Vector, Vector, float]:
@@ -33,12 +34,11 @@ def sight(context: bpy.types.Context, item: bpy.types.Object, toward: Vector) ->
     def free(side: Vector) -> float:
         return sum(_free(context, item, probe, side, reach) for probe in probes) / len(probes)
 
-    best, seen = toward, free(toward)
-    if seen < NEAREST * size:
-        other = max((_side(*angles) for angles in SIDES), key=free)
-        if free(other) > KEEP * seen:
-            best, seen = other, free(other)
-    return best, middle, min(max(seen, NEAREST * size), reach)
+    best = toward
+    if free(toward) < WELL * size:
+        best = max([toward, *(_side(*angles) for angles in SIDES)], key=free)
+    before_the_next = BEFORE * _free(context, item, middle, best, reach)
+    return best, middle, min(max(before_the_next, NEAREST * size), reach)
 
 
 def _free(context: bpy.types.Context, item: bpy.types.Object, start: Vector, side: Vector, reach: float) -> float:

@@ -68,7 +68,7 @@ def story(folder: Path, out: Path) -> Iterator[float]:
         item.hide_set(True)
     shading = view().spaces.active.shading
     # Flat light: the colours are those of the legend.
-    shading.light, shading.show_cavity, shading.cavity_type = "FLAT", True, "BOTH"
+    shading.light, shading.show_cavity, shading.cavity_type = "FLAT", True, "SCREEN"
     frame_building()
     yield TO_DRAW_S
     shoot(out / "blender_status.png")
@@ -77,6 +77,7 @@ def story(folder: Path, out: Path) -> Iterator[float]:
         yield TO_DRAW_S
         shoot(out / f"blender_{name}.png")
     bpy.context.scene.bim_verify.color_mode = "STATUS"
+    bpy.context.scene.bim_verify.show_hover = True
     point_at_a_deviating_element()
     yield TO_DRAW_S
     shoot(out / "blender_hover.png")
@@ -96,6 +97,7 @@ def tidy() -> None:
     space.overlay.show_floor = space.overlay.show_axis_x = space.overlay.show_axis_y = False
     space.overlay.show_cursor = False
     space.shading.show_object_outline = False
+    bpy.context.scene.bim_verify.show_hover = False  # wherever the mouse happens to be
 
 
 def choose_tab() -> None:
