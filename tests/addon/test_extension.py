@@ -50,7 +50,6 @@ COME_AND_GO = """
 import os, sys, bpy
 older, newer = sys.argv[1:3]
 profile = os.environ["BLENDER_USER_RESOURCES"]
-bpy.ops.wm.read_userpref()
 home = next(r for r in bpy.context.preferences.extensions.repos if r.module == "user_default").directory
 where = os.path.join(home, "bim_verify")
 
