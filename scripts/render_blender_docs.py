@@ -33,9 +33,11 @@ from bim_verify.bim_verify_addon.registration import register  # noqa: E402
 from bim_verify.bim_verify_addon.session import SESSION  # noqa: E402
 from bim_verify.core.simulation.demo import make_demo  # noqa: E402
 
-SIZE = (1000, 700)
+SIZE = (960, 680)
 WHILE_BUSY_S, TO_DRAW_S = 0.3, 1.5
 MODES = {"DEVIATION": "deviation", "BELIEF": "evidence", "LOA": "loa", "COVERAGE": "coverage"}
+SCROLL_STEPS = 60
+"""More than the sidebar is long; it stops at its end."""
 SIDEBAR = "BIM Verify"
 
 
@@ -49,14 +51,15 @@ def story(folder: Path, out: Path) -> Iterator[float]:
     with in_view():
         bpy.ops.bim_verify.import_ifc("INVOKE_DEFAULT", filepath=str(files.model))
     yield from until_idle()
-    bpy.context.scene.bim_verify.display_points = 150_000
-    bpy.context.scene.bim_verify.point_size_mm = 40
+    bpy.context.scene.bim_verify.display_points = 50_000
+    bpy.context.scene.bim_verify.point_size_mm = 50
     with in_view():
         bpy.ops.bim_verify.import_scan("INVOKE_DEFAULT", filepath=str(files.scan))
     yield from until_idle()
     frame_building()
     yield TO_DRAW_S
     bpy.context.scene.bim_verify.spacing_mm = 50
+    bpy.context.scene.bim_verify.display_vertices = 250_000
     with in_view():
         bpy.ops.bim_verify.verify("INVOKE_DEFAULT")
     while SESSION.job is not None and SESSION.job.fraction < 0.4:
@@ -67,7 +70,8 @@ def story(folder: Path, out: Path) -> Iterator[float]:
     for item in scene.scan_objects(bpy.context.scene):
         item.hide_set(True)
     shading = view().spaces.active.shading
-    # Flat light: the colours are those of the legend.
+    # Flat light: the colours are those of the legend. Shadows show the shape.
+    shading.show_shadows, shading.shadow_intensity, shading.show_object_outline = True, 0.35, True
     shading.light, shading.show_cavity, shading.cavity_type = "FLAT", True, "SCREEN"
     frame_building()
     yield TO_DRAW_S
@@ -82,6 +86,7 @@ def story(folder: Path, out: Path) -> Iterator[float]:
     yield TO_DRAW_S
     shoot(out / "blender_hover.png")
     hover.forget()
+    scroll_to_result()
     with in_view():
         bpy.ops.bim_verify.step_finding(mode="STATUS", category="DEVIATING")
     yield TO_DRAW_S
@@ -106,6 +111,15 @@ def choose_tab() -> None:
         if region.type == "UI":
             region.active_panel_category = SIDEBAR
             region.tag_redraw()
+
+
+def scroll_to_result() -> None:
+    """Down to the list of findings and the active element."""
+    area = view()
+    region = next(r for r in area.regions if r.type == "UI")
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area, region=region):
+        for _ in range(SCROLL_STEPS):
+            bpy.ops.view2d.scroll_down()
 
 
 def frame_building() -> None:
