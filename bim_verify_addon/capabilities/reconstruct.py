@@ -41,11 +41,11 @@ def show(scene: bpy.types.Scene, result: Any) -> bool:
         return False
     from ...core.model.load import load_model
     from ...core.reconstruction.summary import summary_lines
-    from ...core.reconstruction.write_ifc import write_reconstruction
+    from ...core.reconstruction.write_ifc import building_file
 
     with tempfile.TemporaryDirectory(prefix="bim_verify_") as folder:
         path = Path(folder) / "reconstructed.ifc"
-        write_reconstruction(path, result)
+        building_file(result).write(str(path))
         model = load_model(path, cache=False)
     for scan in result.scan_paths:
         entry = scene.bim_verify.scans.add()

@@ -14,6 +14,7 @@ from bim_verify.bim_verify_addon import scene
 from bim_verify.bim_verify_addon.headless import save_blend
 from bim_verify.core import jobs
 from bim_verify.core.errors import BimVerifyError
+from bim_verify.core.files import all_or_none
 from bim_verify.core.reconstruction.building import (
     MEASURED,
     BuiltRoom,
@@ -84,6 +85,7 @@ def test_a_failure_leaves_file_and_scene(
 
 
 def test_a_blend_file_shows_it(blender: bpy.types.Scene, made: Reconstruction, tmp_path: Path) -> None:
-    save_blend(made, tmp_path / "made.blend")
+    with all_or_none():  # as the commands do
+        save_blend(made, tmp_path / "made.blend")
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "made.blend"))
     assert scene.element_objects(bpy.context.scene)
