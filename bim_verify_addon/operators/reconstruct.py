@@ -95,7 +95,7 @@ class BIMVERIFY_OT_reconstruct(Job[Made], bpy.types.Operator):
             found = jobs.reconstruct(paths, options, progress.part(0.0, 0.9))
             loaded = None
             with whole_file(path) as temporary:
-                write_reconstruction(temporary, found)
+                write_reconstruction(temporary, found, path.name)
                 if show:
                     loaded = load_model(temporary, threads=options.threads, progress=progress.part(0.9, 1.0))
                     loaded = replace(loaded, path=str(path))

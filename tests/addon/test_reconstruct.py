@@ -48,6 +48,7 @@ def test_what_was_made_becomes_the_model(
     monkeypatch.setattr(jobs, "reconstruct", lambda *_: made)
     assert ops.reconstruct(filepath=str(tmp_path / "made")) == {"FINISHED"}
     written = ifcopenshell.open(str(tmp_path / "made.ifc"))
+    assert written.header.file_name.name == "made.ifc"
     walls = {w.GlobalId for w in written.by_type("IfcWall")}
     assert walls
     assert walls <= set(scene.element_objects(blender))
