@@ -56,7 +56,11 @@ class Capability:
     """Further classes to register, before the two above: property groups inside them, lists."""
     numbers: Callable[[bpy.types.Object], list[tuple[str, str]]] | None = None
     """(name, value with unit) rows for the panel of the active element; empty where nothing is known of it."""
+    brief: Callable[[bpy.types.Object, int], list[str]] | None = None
+    """A few lines for the read-out under the mouse. Also given: the vertex pointed at, -1 where there is none."""
     why: Callable[[bpy.types.Object], str] | None = None
     """The sentence below them."""
+    forget: Callable[[bpy.types.Scene], None] | None = None
+    """Another model was imported: what was found on the one before holds no more."""
     show: Callable[[bpy.types.Scene, Any], bool] | None = None
     """Put a result (``Outcome.result`` of a command with ``--blend``) into an empty scene; False if it is not one's own."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ..core.change.results import CONFIRMED, DISAPPEARED, NEW, UNKNOWN, ChangeResult
 from ..core.report.palette import VOXEL_COLORS, to_linear
 from . import frame, materials, scene
+from .point_display import show_as_voxels
 
 STATES_KEY = "bim_verify_states"
 """On element objects: their state at each epoch, joined by spaces; the last one is that of the comparison."""
@@ -25,7 +26,9 @@ NAMES = {CONFIRMED: "Confirmed", NEW: "New", DISAPPEARED: "Disappeared", UNKNOWN
 
 def show_change(target: bpy.types.Scene, result: ChangeResult) -> None:
     """Show elements and voxels of a comparison; what an earlier one showed is replaced."""
-    scene.show_model(target, result.model)
+    known = scene.element_objects(target)
+    if any(element.global_id not in known for element in result.model.elements):
+        scene.show_model(target, result.model)
     series = [*([result.reference] if result.reference else []), *result.epochs]
     columns = [epoch.states for epoch in series]
     names = [f"{epoch.name} {epoch.date[:10]}".strip() for epoch in series]
@@ -48,6 +51,24 @@ def show_change(target: bpy.types.Scene, result: ChangeResult) -> None:
     )
     settings.epoch = len(columns)
     color_elements(target)
+
+
+def forget(target: bpy.types.Scene) -> None:
+    """Take states, epochs and voxels away."""
+    for item in scene.element_objects(target).values():
+        item.pop(STATES_KEY, None)
+    _remove_voxels(target)
+    target.pop(EPOCHS_KEY, None)
+    settings = target.bim_verify_change
+    settings.summary, settings.epochs, settings.epoch_name = "", 0, ""
+
+
+def _remove_voxels(target: bpy.types.Scene) -> None:
+    for old in [item for item in target.objects if VOXEL_KEY in item]:
+        mesh = old.data
+        bpy.data.objects.remove(old)
+        if mesh.users == 0:
+            bpy.data.meshes.remove(mesh)
 
 
 def state_now(item: bpy.types.Object) -> str:
@@ -93,14 +114,10 @@ def _outward(vertices: NDArray[np.float64], quads: NDArray[np.int64]) -> NDArray
 
 
 def _show_voxels(target: bpy.types.Scene, result: ChangeResult) -> None:
-    """New and gone voxels as surfaces, the others as points."""
+    """New and gone voxels as surfaces; the others as points, hidden at first: they fill the building and the rooms."""
     from ..core.report.change_files import voxel_skin
 
-    for old in [item for item in target.objects if VOXEL_KEY in item]:
-        mesh = old.data
-        bpy.data.objects.remove(old)
-        if mesh.users == 0:
-            bpy.data.meshes.remove(mesh)
+    _remove_voxels(target)
     place = frame.stored(target) or frame.ViewFrame()
     cloud = result.voxels
     for code, name in NAMES.items():
@@ -119,9 +136,15 @@ def _show_voxels(target: bpy.types.Scene, result: ChangeResult) -> None:
         mesh.from_pydata((vertices - middle).tolist(), [], quads.tolist())
         scene.set_attribute(mesh, STATE, "INT", np.full(len(vertices), code, np.int32))
         _paint(mesh, np.broadcast_to(to_linear(VOXEL_COLORS[code]), (len(vertices), 3)))
-        mesh.materials.append(materials.surface_material(scene.COLOR))
         item = bpy.data.objects.new(f"{VOXELS} {name}", mesh)
+        if len(quads):
+            mesh.materials.append(materials.surface_material(scene.COLOR))
+        else:
+            show_as_voxels(item, result.edge)
         item[VOXEL_KEY] = code
         item[frame.ORIGIN_KEY] = [float(v) for v in middle]
         frame.place(item, place)
         scene.collection(target, VOXELS).objects.link(item)
+        if not len(quads) and item.name in bpy.context.view_layer.objects:
+            item.hide_set(True)
+            item.hide_render = True

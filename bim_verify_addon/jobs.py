@@ -61,7 +61,13 @@ class Job(Generic[T]):
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Do all of it now: in background mode, in the ``bpy`` module, from a script."""
+        """Do all of it now: in background mode, in the ``bpy`` module, from a script.
+
+        Repeated by a person (a setting changed in the redo panel, Shift R), it is started anew beside the window.
+        """
+        if repeated(self) and not bpy.app.background and context.window is not None:
+            start_soon(self)
+            return {"CANCELLED"}
         try:
             work = self.prepare(context)
             value = work(Progress())
@@ -140,6 +146,26 @@ class Job(Generic[T]):
             text = " ".join(str(error).split()) or type(error).__name__
             self.report({"ERROR"}, f"{self.title} failed: unexpected {type(error).__name__}: {text}")
         return {"CANCELLED"}
+
+
+def repeated(operator: Any) -> bool:
+    """Blender runs the operator again with its settings of before, or those changed in the redo panel."""
+    options = getattr(operator, "options", None)
+    return bool(options is not None and (options.is_repeat or options.is_repeat_last))
+
+
+def start_soon(operator: bpy.types.Operator) -> None:
+    """Invoke the same operator with its settings from a timer, where a modal job may start."""
+    values = operator.as_keywords(ignore=("filter_glob", "check_existing", "files"))
+    if "files" in operator.properties:
+        values["files"] = [{"name": entry.name} for entry in operator.files]
+    name = operator.bl_idname
+
+    def start() -> None:
+        module, function = name.lower().replace("_ot_", ".").split(".", 1)
+        getattr(getattr(bpy.ops, module), function)("INVOKE_DEFAULT", **values)
+
+    bpy.app.timers.register(start, first_interval=0.01)
 
 
 def status_line(job: RunningJob) -> str:

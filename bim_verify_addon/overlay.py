@@ -11,7 +11,8 @@ import gpu
 from gpu_extras.batch import batch_for_shader
 
 from . import colors
-from .capabilities import CAPABILITIES, MODES
+from .capabilities import MODES, shown_first
+from .hover import HOVER, LINE_LENGTH
 from .known import known_object
 from .preferences import legend_size
 
@@ -21,10 +22,10 @@ RAMP_LINES = 9
 """Height of a ramp, in lines of text."""
 
 PLATE = (0.1, 0.1, 0.1, 0.75)
-LINE_LENGTH = 60
-"""Characters in a line of the numbers."""
+LINE = 1.5
+"""Height of a line, in heights of its letters."""
 MOST_ROWS = 12
-"""Numbers of one capability that are drawn; the panel has them all."""
+"""Numbers that are drawn; the panel has them all."""
 
 Linear = tuple[float, float, float, float]
 
@@ -57,7 +58,7 @@ def legend(scene: bpy.types.Scene) -> colors.Legend:
 def _draw() -> None:
     context = bpy.context
     settings = context.scene.bim_verify
-    if not settings.counts:
+    if not settings.has_findings:
         return
     scale = context.preferences.system.ui_scale
     size = legend_size(context) * scale
@@ -66,6 +67,8 @@ def _draw() -> None:
         _draw_legend(context, size, scale)
     if settings.show_numbers:
         _draw_numbers(context, size, scale)
+    if settings.show_hover and HOVER.lines and HOVER.region == context.region.as_pointer():
+        _draw_hover(context, size, scale)
     gpu.state.blend_set("NONE")
 
 
@@ -90,16 +93,18 @@ def _draw_legend(context: bpy.types.Context, size: float, scale: float) -> None:
 
 
 def numbers(context: bpy.types.Context) -> list[str]:
-    """Lines on the active element: what it is, why it got its verdict, the numbers that matter."""
+    """Lines on the active element: what it is, why it has the colour it has, the numbers behind that."""
     item = known_object(context)
     if item is None:
         return []
     lines = [f"{item.bim_verify.ifc_class}  {item.bim_verify.element_name or 'unnamed'}"]
-    for capability in CAPABILITIES:
+    for capability in shown_first(context.scene.bim_verify.color_mode):
         rows = capability.numbers(item) if capability.numbers is not None else []
-        if rows and capability.why is not None:
-            lines += textwrap.wrap(capability.why(item), LINE_LENGTH)
-        lines += [f"{name}: {value}" for name, value in rows if value not in ("", "–")][:MOST_ROWS]
+        if rows:
+            if capability.why is not None:
+                lines += textwrap.wrap(capability.why(item), LINE_LENGTH)
+            lines += [f"{name}: {value}" for name, value in rows if value not in ("", "–")][:MOST_ROWS]
+            break
     return lines
 
 
@@ -107,16 +112,32 @@ def _draw_numbers(context: bpy.types.Context, size: float, scale: float) -> None
     lines = numbers(context)
     if not lines:
         return
-    step = 1.5 * size
-    blf.size(0, size)
-    width = max(blf.dimensions(0, line)[0] for line in lines) + 1.2 * size
-    height = len(lines) * step + 0.8 * size
+    width, _ = _plate_size(lines, size)
     right = next((r.width for r in context.area.regions if r.type == "UI"), 0)
-    left = context.region.width - right - width - MARGIN * scale
-    bottom = MARGIN * scale
-    _rectangle(left, bottom - 0.6 * size, width, height, PLATE)
+    _plate(lines, size, context.region.width - right - width - MARGIN * scale, MARGIN * scale - 0.6 * size)
+
+
+def _draw_hover(context: bpy.types.Context, size: float, scale: float) -> None:
+    """Below and right of the mouse, or on its other side where the view ends."""
+    width, height = _plate_size(HOVER.lines, size)
+    apart = MARGIN * scale
+    right = next((r.width for r in context.area.regions if r.type == "UI"), 0)
+    x, y = HOVER.place
+    left = x + apart if x + apart + width < context.region.width - right else x - apart - width
+    bottom = y - apart - height if y - apart - height > 0 else y + apart
+    _plate(HOVER.lines, size, max(left, 0.0), min(bottom, context.region.height - height))
+
+
+def _plate_size(lines: list[str], size: float) -> tuple[float, float]:
+    blf.size(0, size)
+    return max(blf.dimensions(0, line)[0] for line in lines) + 1.2 * size, LINE * len(lines) * size + 0.8 * size
+
+
+def _plate(lines: list[str], size: float, left: float, bottom: float) -> None:
+    """Lines of text on a dark plate; ``left``, ``bottom``: its corner, pixels."""
+    _rectangle(left, bottom, *_plate_size(lines, size), PLATE)
     for row, line in enumerate(reversed(lines)):
-        _text(left + 0.6 * size, bottom + row * step, line, size)
+        _text(left + 0.6 * size, bottom + 0.6 * size + LINE * row * size, line, size)
 
 
 def _redo_panel_height(context: bpy.types.Context) -> float:

@@ -27,6 +27,8 @@ def refresh(scene: bpy.types.Scene) -> None:
         for category in mode.categories:
             entry = counts.add()
             entry.mode, entry.category, entry.count = mode.identifier, category.identifier, found[category.identifier]
+    scene.bim_verify.has_findings = any(mode.known(item) for item in items for mode in MODES.values())
+    scene.bim_verify.overruled = sum(bool(item.bim_verify.decided_status) for item in items)
     recolor(scene)
 
 

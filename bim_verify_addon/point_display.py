@@ -1,11 +1,13 @@
-"""How points and voxels look: geometry nodes that make spheres or cubes of vertices, coloured by ``bv_color``.
+"""How points and voxels look: geometry nodes that make points with a size of vertices, coloured by ``bv_color``.
 
-The mesh itself stays what it is; the modifier makes it visible in every view and in renders of Cycles and EEVEE.
+The mesh itself stays what it is; the modifier makes it visible in every view and in renders of Cycles and EEVEE. Solid
+shading knows no colours of points: there the object's own colour, the mean of them, is seen.
 """
 
 from __future__ import annotations
 
 import bpy
+import numpy as np
 
 from .materials import surface_material
 
@@ -17,13 +19,13 @@ COLOR = "bv_color"
 
 def show_as_points(item: bpy.types.Object, diameter: float) -> None:
     """Draw the vertices of a mesh object as spheres of ``diameter`` metres; one size for all clouds of the file."""
-    _attach(item, _points_group())
+    _attach(item, _points_group(POINTS, 0.5 * diameter))
     set_point_size(diameter)
 
 
 def show_as_voxels(item: bpy.types.Object, edge: float) -> None:
-    """Draw the vertices of a mesh object as cubes of ``edge`` metres, a little apart."""
-    _attach(item, _voxels_group(edge))
+    """Draw the vertices of a mesh object, middles of voxels, as spheres as large as those: ``edge`` metres."""
+    _attach(item, _points_group(f"{VOXELS} {1000 * edge:g} mm", 0.5 * edge))
 
 
 def set_point_size(diameter: float) -> None:
@@ -36,35 +38,21 @@ def set_point_size(diameter: float) -> None:
 def _attach(item: bpy.types.Object, group: bpy.types.NodeTree) -> None:
     modifier = item.modifiers.get(MODIFIER) or item.modifiers.new(MODIFIER, "NODES")
     modifier.node_group = group
+    colors = np.empty(4 * len(item.data.vertices), dtype=np.float32)
+    item.data.attributes[COLOR].data.foreach_get("color", colors)
+    if len(colors):
+        item.color = colors.reshape(-1, 4).mean(axis=0)
 
 
-def _points_group() -> bpy.types.NodeTree:
-    if (found := bpy.data.node_groups.get(POINTS)) is not None:
-        return found
-    group, source, target = _empty_group(POINTS)
-    points = group.nodes.new("GeometryNodeMeshToPoints")
-    radius = _size(group, 0.005)
-    group.links.new(source.outputs[0], points.inputs["Mesh"])
-    group.links.new(radius.outputs[0], points.inputs["Radius"])
-    _finish(group, points.outputs[0], target)
-    return group
-
-
-def _voxels_group(edge: float) -> bpy.types.NodeTree:
-    name = f"{VOXELS} {1000 * edge:g} mm"
+def _points_group(name: str, radius: float) -> bpy.types.NodeTree:
     if (found := bpy.data.node_groups.get(name)) is not None:
         return found
     group, source, target = _empty_group(name)
     points = group.nodes.new("GeometryNodeMeshToPoints")
-    cube = group.nodes.new("GeometryNodeMeshCube")
-    place = group.nodes.new("GeometryNodeInstanceOnPoints")
-    real = group.nodes.new("GeometryNodeRealizeInstances")
-    cube.inputs["Size"].default_value = (0.92 * edge,) * 3
+    size = _size(group, radius)
     group.links.new(source.outputs[0], points.inputs["Mesh"])
-    group.links.new(points.outputs[0], place.inputs["Points"])
-    group.links.new(cube.outputs[0], place.inputs["Instance"])
-    group.links.new(place.outputs[0], real.inputs["Geometry"])
-    _finish(group, real.outputs[0], target)
+    group.links.new(size.outputs[0], points.inputs["Radius"])
+    _finish(group, points.outputs[0], target)
     return group
 
 

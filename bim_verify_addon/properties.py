@@ -59,6 +59,12 @@ def _recolor(settings: BimVerifySettings, context: bpy.types.Context) -> None:
     recolor(settings.id_data)
 
 
+def _forget_hover(settings: BimVerifySettings, context: bpy.types.Context) -> None:
+    from .hover import forget
+
+    forget()
+
+
 def _resize_points(settings: BimVerifySettings, context: bpy.types.Context) -> None:
     from .point_display import set_point_size
 
@@ -199,6 +205,12 @@ class BimVerifySettings(bpy.types.PropertyGroup):
     show_numbers: BoolProperty(
         name="Numbers", default=True, description="Write the numbers of the active element into the 3D view, and why"
     )
+    show_hover: BoolProperty(
+        name="Under mouse",
+        default=True,
+        description="Write what is known of the element and of the place under the mouse beside it",
+        update=_forget_hover,
+    )
     selected_only: BoolProperty(
         name="Selected elements only",
         default=False,
@@ -214,7 +226,10 @@ class BimVerifySettings(bpy.types.PropertyGroup):
     )
     show_legend: BoolProperty(name="Legend", default=True, description="Draw the meaning of the colours in the 3D view")
     counts: CollectionProperty(type=BimVerifyCount)
+    has_findings: BoolProperty(description="Something is known of an element that colours can show")
+    overruled: IntProperty(description="Number of verdicts that a person overruled")
     result_key: StringProperty(description="Names the result in memory; undo brings an earlier one back")
+    verified_model: StringProperty(description="SHA-256 of the model that the verdicts are on")
     result_summary: StringProperty()
     result_note: StringProperty()
     alignment_summary: StringProperty()

@@ -8,10 +8,10 @@ import sys
 import bpy
 from bpy.app.handlers import persistent
 
-from . import commands, operators, overlay, panels, preferences, properties
+from . import commands, hover, operators, overlay, panels, preferences, properties
 from .session import SESSION
 
-CLASSES = (preferences.BimVerifyPreferences, *operators.CLASSES, *panels.CLASSES)
+CLASSES = (preferences.BimVerifyPreferences, *operators.CLASSES, *panels.CLASSES, *hover.CLASSES)
 
 
 def register() -> None:
@@ -28,6 +28,7 @@ def register() -> None:
 def unregister() -> None:
     """The reverse of ``register``."""
     overlay.unregister()
+    hover.forget()
     commands.unregister()
     bpy.app.handlers.load_pre.remove(_forget)
     for cls in reversed(CLASSES):
@@ -54,3 +55,4 @@ def keep_caches_inside() -> None:
 @persistent
 def _forget(*_arguments: object) -> None:
     SESSION.clear()
+    hover.forget()

@@ -22,6 +22,7 @@ PLACE_KEY = "bim_verify_collection"
 """On each collection that we make: its path below the root, since Blender may have renamed it."""
 SCAN_KEY = "bim_verify_scan"
 """On each scan object: the path of its file."""
+OURS = "bv_"
 OCCUPIED, EMPTY, UNKNOWN, DEVIATION, COLOR = "bv_occupied", "bv_empty", "bv_unknown", "bv_deviation", "bv_color"
 
 PLAIN_FIELDS = (
@@ -201,6 +202,7 @@ def _mesh(name: str, vertices: NDArray[np.float64], triangles: NDArray[np.intege
     mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(triangles, dtype=np.int32).ravel())
     mesh.polygons.add(len(triangles))
     mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * len(triangles), 3, dtype=np.int32))
+    mesh.polygons.foreach_set("use_smooth", np.zeros(len(triangles), dtype=np.bool_))
     mesh.update(calc_edges=True)
     mesh[frame.ORIGIN_KEY] = [float(v) for v in middle]
     return mesh
@@ -219,9 +221,7 @@ def _put_element(
         item[GUID_KEY] = element.global_id
         collection(scene, element.storey).objects.link(item)
     else:
-        old, item.data = item.data, mesh
-        if old.users == 0:
-            bpy.data.meshes.remove(old)
+        replace_mesh(item, mesh)
         mesh.name = object_name(element)
     item[frame.ORIGIN_KEY] = [float(v) for v in origin + np.array(mesh.pop(frame.ORIGIN_KEY)[:])]
     frame.place(item, place)
@@ -229,6 +229,19 @@ def _put_element(
     item.bim_verify.element_name = element.name
     item.bim_verify.storey = element.storey
     return item
+
+
+def replace_mesh(item: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
+    """Give an element a new mesh. What other capabilities know of its vertices stays, if they are the same ones."""
+    old, item.data = item.data, mesh
+    if len(old.vertices) == len(mesh.vertices) and len(old.polygons) == len(mesh.polygons):
+        values = np.empty(len(mesh.vertices), dtype=np.float32)
+        for attribute in old.attributes:
+            if attribute.name.startswith(OURS) and attribute.data_type == "FLOAT" and attribute.name not in mesh.attributes:
+                attribute.data.foreach_get("value", values)
+                set_attribute(mesh, attribute.name, "FLOAT", values)
+    if old.users == 0:
+        bpy.data.meshes.remove(old)
 
 
 def _remove(item: bpy.types.Object) -> None:
@@ -262,3 +275,4 @@ def _store_summary(scene: bpy.types.Scene, result: VerificationResult) -> None:
     summary = result.summary()
     settings.result_summary = f"{summary['elements']} elements, {100 * summary['coverage']:.0f} % of the surface observed"
     settings.result_note = "\n".join(result.warnings)
+    settings.verified_model = result.model.content_hash

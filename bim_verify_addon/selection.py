@@ -6,8 +6,11 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import bpy
+import numpy as np
 
-from ..core.results import VerificationResult
+from ..core.model.elements import BuildingModel
+from ..core.options import VerifyOptions
+from ..core.results import SampleEvidence, VerificationResult
 from . import bonsai
 from .scene import GUID_KEY
 
@@ -18,12 +21,27 @@ def global_ids(context: bpy.types.Context) -> set[str]:
     return {identifier for identifier in found if isinstance(identifier, str)}
 
 
+def comparable(new: BuildingModel, options: VerifyOptions, earlier: VerificationResult | None) -> bool:
+    """Whether a verification of some elements can be put into an earlier result: same model, same query positions."""
+    return (
+        earlier is not None
+        and earlier.model.content_hash == new.content_hash
+        and earlier.options.sample_spacing == options.sample_spacing
+    )
+
+
 def merged(
     new: VerificationResult, earlier: VerificationResult | None, only: Collection[str] | None
 ) -> VerificationResult:
-    """The new verdicts of the elements ``only``, and for the others those of an earlier result of the same model."""
-    if only is None or earlier is None or earlier.model.content_hash != new.model.content_hash:
+    """Verdicts and evidence of the elements ``only`` from ``new``, those of the others from ``earlier`` if it fits."""
+    if only is None or earlier is None or not comparable(new.model, new.options, earlier):
         return new
     before = {verdict.global_id: verdict for verdict in earlier.verdicts}
     verdicts = tuple(v if v.global_id in only else before.get(v.global_id, v) for v in new.verdicts)
-    return replace(new, verdicts=verdicts)
+    ours = np.array([element.global_id in only for element in new.model.elements], dtype=np.bool_)[new.samples.element]
+    evidence = SampleEvidence(**{
+        name: np.where(ours, values, getattr(earlier.evidence, name)) for name, values in vars(new.evidence).items()
+    })
+    exposed = np.where(ours, new.samples.exposed, earlier.samples.exposed)
+    samples = replace(new.samples, exposed=exposed)
+    return replace(new, verdicts=verdicts, samples=samples, evidence=evidence, options=replace(new.options, only=()))

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.progress import Progress
-from ..core.report.palette import to_linear
-from . import frame, materials, project, scene
+from . import frame, project, scene
 from .surface_grid import FACING_WEIGHT_M, SurfaceGrid, build_grid, edge_lengths
 
 if TYPE_CHECKING:
@@ -24,12 +23,13 @@ if TYPE_CHECKING:
 STATIONS = "Stations"
 STATION_KEY = "bim_verify_station"
 """On each station's marker: its name."""
-COVERED, SPACING = "bv_covered", "bv_spacing"
+CAUSE, COVERED, SPACING = "bv_cause", "bv_covered", "bv_spacing"
+MODE = "MISSING"
+ELEMENT_KEYS = ("bim_verify_coverage", "bim_verify_gsa_level", "bim_verify_actions", "bim_verify_quality")
 CONE_LENGTH_M = 0.6
 CONE_SIDES = 24
 SUMMARY_KEY = "bim_verify_survey"
 """On the scene: what the last survey or plan found, in one sentence."""
-UNSEEN_GREY = (0.60, 0.64, 0.69)
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class SurveyDisplay:
     """The surfaces of a survey, ready to be shown; per vertex of the grid."""
 
     grid: SurfaceGrid
-    color: NDArray[np.float32]
-    """(V, 4) linear"""
+    cause: NDArray[np.float32]
+    """Row of ``CAUSE_COLORS``: seen, or why not; NaN where other elements touch the surface, so that nothing could be."""
     covered: NDArray[np.float32]
     """1 where returns lie on it, else 0."""
     spacing: NDArray[np.float32]
@@ -56,24 +56,28 @@ class Marker:
     planned: bool = False
 
 
-def make_survey_display(result: QualityResult, budget: int, progress: Progress | None = None) -> SurveyDisplay:
-    """Carry what is known of the query positions to a grid of about ``budget`` vertices; for a worker thread."""
+def make_survey_display(
+    result: QualityResult, budget: int, progress: Progress | None = None, spacing: float | None = None
+) -> SurveyDisplay:
+    """Carry what is known of the query positions to a grid of about ``budget`` vertices; for a worker thread.
+
+    ``spacing`` [m]: of the query positions that the grid is made for; that of a verification gives the same vertices as it.
+    """
     from scipy.spatial import cKDTree  # here: enabling the extension must not wait for it
 
     from ..core.quality.json_out import CAUSE_COLORS, sample_causes
 
     progress = progress or Progress()
-    grid = build_grid(result.model, edge_lengths(result.model, result.options.sample_spacing, budget), progress.part(0, 0.4))
+    edge = edge_lengths(result.model, spacing or result.options.sample_spacing, budget)
+    grid = build_grid(result.model, edge, progress.part(0, 0.4))
     samples = result.samples
     rows = np.flatnonzero(samples.exposed)
     causes = sample_causes(result)
     names = list(CAUSE_COLORS)
-    table = to_linear(np.array([CAUSE_COLORS[name] for name in names]) / 255.0)
     code = np.array([names.index(cause) for cause in causes], dtype=np.int64)
     count = len(grid.vertices)
-    color = np.ones((count, 4), dtype=np.float32)
-    color[:, :3] = to_linear(np.array(UNSEEN_GREY))
-    covered, spacing = np.zeros(count, np.float32), np.full(count, np.nan, np.float32)
+    cause = np.full(count, np.nan, np.float32)
+    covered, distance_between = np.zeros(count, np.float32), np.full(count, np.nan, np.float32)
     element = samples.element[rows]
     start = np.searchsorted(element, np.arange(len(result.model.elements) + 1))
     for e in range(len(result.model.elements)):
@@ -85,19 +89,20 @@ def make_survey_display(result: QualityResult, budget: int, progress: Progress |
         own = rows[of]
         tree = cKDTree(np.hstack([samples.position[own], FACING_WEIGHT_M * samples.normal[own]]))
         _, nearest = tree.query(np.hstack([grid.vertices[at], FACING_WEIGHT_M * grid.normal[at]]))
-        color[at, :3] = table[code[of][nearest]]
+        cause[at] = code[of][nearest]
         covered[at] = code[of][nearest] == 0
-        spacing[at] = result.survey.spacing[own][nearest]
-    return SurveyDisplay(grid, color, covered, spacing)
+        distance_between[at] = result.survey.spacing[own][nearest]
+    return SurveyDisplay(grid, cause, covered, distance_between)
 
 
 def show_quality(target: bpy.types.Scene, result: QualityResult, display: SurveyDisplay) -> str:
-    """Colour every element by cause, mark the stations, and return one sentence."""
+    """Show on every element what is missing and why, mark the stations, and return one sentence."""
+    from . import paint
+
     existing = scene.element_objects(target)
     if any(element.global_id not in existing for element in result.model.elements):
         scene.show_model(target, result.model)
         existing = scene.element_objects(target)
-    material = materials.surface_material(scene.COLOR)
     grid = display.grid
     for index, element in enumerate(result.model.elements):
         item = existing.get(element.global_id)
@@ -107,15 +112,10 @@ def show_quality(target: bpy.types.Scene, result: QualityResult, display: Survey
         of = slice(int(grid.triangle_start[index]), int(grid.triangle_start[index + 1]))
         middle = np.array(item[frame.ORIGIN_KEY][:]) - result.model.origin
         mesh = _mesh(scene.object_name(element), grid.vertices[at] - middle, grid.triangles[of] - at.start)
-        scene.set_attribute(mesh, scene.COLOR, "FLOAT_COLOR", display.color[at])
+        scene.set_attribute(mesh, CAUSE, "FLOAT", display.cause[at])
         scene.set_attribute(mesh, COVERED, "FLOAT", display.covered[at])
         scene.set_attribute(mesh, SPACING, "FLOAT", display.spacing[at])
-        mesh.color_attributes.active_color_name = scene.COLOR
-        mesh.color_attributes.render_color_index = mesh.color_attributes.active_color_index
-        mesh.materials.append(material)
-        old, item.data = item.data, mesh
-        if old.users == 0:
-            bpy.data.meshes.remove(old)
+        scene.replace_mesh(item, mesh)
         quality = result.elements[index]
         item["bim_verify_coverage"] = quality.measured.coverage
         item["bim_verify_gsa_level"] = quality.gsa_level
@@ -125,12 +125,22 @@ def show_quality(target: bpy.types.Scene, result: QualityResult, display: Survey
         Marker(s.name, s.position, s.elevation_min if s.returns else -math.pi / 3, f"{s.returns:,} returns")
         for s in result.stations
     ], planned=False)
+    target.bim_verify.color_mode = MODE
+    paint.refresh(target)
     summary = result.summary()
     target[SUMMARY_KEY] = (
         f"{summary['supporting']} of {summary['exposed_elements']} elements support LOA{result.options.loa}; "
         f"{100 * summary['coverage']:.0f} % of the surface has returns."
     )
     return str(target[SUMMARY_KEY])
+
+
+def forget(target: bpy.types.Scene) -> None:
+    """What was found on the elements is no more; stations stay, they belong to the scans or to a plan."""
+    target.pop(SUMMARY_KEY, None)
+    for item in scene.element_objects(target).values():
+        for key in ELEMENT_KEYS:
+            item.pop(key, None)
 
 
 def show_plan(target: bpy.types.Scene, result: PlanResult) -> str:

@@ -14,6 +14,14 @@ def status(item: bpy.types.Object) -> str:
     return str(stored.decided_status or stored.status) if stored.status else ""
 
 
+def forget(scene: bpy.types.Scene) -> None:
+    """Nothing was computed for the model that the scene shows now; what a person decided stays for the next run."""
+    for item in scenery.element_objects(scene).values():
+        item.bim_verify.status = ""
+    settings = scene.bim_verify
+    settings.result_key = settings.result_summary = settings.result_note = settings.exported_path = ""
+
+
 def decisions(scene: bpy.types.Scene) -> dict[str, Decision]:
     """GlobalId -> decision, of all elements of the scene."""
     found = {}

@@ -42,6 +42,8 @@ class VerifyOptions(InputOptions):
     """``station`` is the product's default (shared error discounted); the others are the named methods of the literature."""
     preset: str = "derived"
     """``derived``: kappa, c and lambda from point spacing and sensor sigma; else a named preset of sensing.presets."""
+    only: tuple[str, ...] = ()
+    """GlobalIds of the elements to verify; empty: all. The verdicts on others are then rough, and not to be used."""
     seed: int = 0
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -146,16 +146,21 @@ class VerificationResult:
         decision = self.decisions.get(verdict.global_id)
         return verdict.status if decision is None else decision.status
 
+    def as_decided(self) -> VerificationResult:
+        """The same result with every person's decision in the place of the computed status: what holds."""
+        return replace(self, verdicts=tuple(replace(v, status=self.status_of(v)) for v in self.verdicts))
+
     def count(self, status: Status) -> int:
-        """Number of elements with this status."""
+        """Number of elements with this computed status."""
         return sum(v.status == status for v in self.verdicts)
 
     def summary(self) -> dict[str, Any]:
-        """Counts per status and the observed share, for a one-line answer."""
+        """Counts per computed status, how many of them a person overruled, and the observed share."""
         total = sum(v.area for v in self.verdicts)
         seen = sum(v.area * v.coverage for v in self.verdicts)
         return {
             "elements": len(self.verdicts),
             **{status: self.count(status) for status in STATUSES},
+            "overruled": sum(v.global_id in self.decisions for v in self.verdicts),
             "coverage": seen / total if total else 0.0,
         }

@@ -1,10 +1,12 @@
 """Build the Blender extension: the code, and the wheels it needs for each platform and Python of Blender.
 
     python scripts/build_extension.py --out dist                                   all platforms, one zip each
+    python scripts/build_extension.py --out dist --per-python                      one zip each for 4.2 to 5.0 and from 5.1 on
     python scripts/build_extension.py --out dist --platforms linux-x64 --pythons 3.11
 
 Needs pip and Blender: the ``bpy`` module in this Python, or a Blender executable named with ``--blender``. The wheels
-are those that pip resolves for the NumPy that Blender itself brings, which is not bundled.
+are those that pip resolves for the NumPy that Blender itself brings; what Blender brings is not bundled. Nearly all of a
+zip is llvmlite, IfcOpenShell, SciPy, pye57 and Embree, once for each Python.
 """
 
 from __future__ import annotations
@@ -37,7 +39,10 @@ INSTEAD = {"macos-x64": {"numba": ["numba>=0.62"], "pye57": []}}
 """What a platform gets in place of the project's own requirement. For Intel Macs numba has no newer wheels and pye57 none;
 without it E57 files are read, but ``simulate`` and ``demo`` cannot write one."""
 
-IN_BLENDER = {"numpy"}
+BLENDER_VERSIONS = {"3.11": ("4.2.0", "5.1.0"), "3.13": ("5.1.0", "")}
+"""Of a zip for one Python: the first Blender it is for, and the first it is not for any more."""
+
+IN_BLENDER = {"numpy", "requests", "urllib3", "certifi", "idna", "charset_normalizer"}
 """Comes with Blender; a second copy could clash with it."""
 
 NOT_INSIDE = {"matplotlib"}
@@ -50,6 +55,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, required=True, help="folder for the zip files")
     parser.add_argument("--platforms", default=",".join(PIP_PLATFORMS), help="comma-separated Blender platforms")
     parser.add_argument("--pythons", default=",".join(BLENDER_NUMPY), help="comma-separated Python versions")
+    parser.add_argument("--per-python", action="store_true", help="one zip a Python: half the size, for fewer Blenders")
     parser.add_argument("--wheels", type=Path, help="keep downloaded wheels here (a folder that may be used again)")
     parser.add_argument("--blender", help="Blender executable; default: the bpy module of this Python")
     options = parser.parse_args()
@@ -59,13 +65,16 @@ def main() -> int:
         for platform in options.platforms.split(","):
             wheels = options.wheels or Path(scratch) / "wheels"
             try:
-                found = [w for python in options.pythons.split(",") for w in collect(platform, python, wheels / platform)]
-                target = build(platform, sorted(set(found)), Path(scratch) / f"stage_{platform}", options)
+                found = {python: collect(platform, python, wheels / platform) for python in options.pythons.split(",")}
+                groups = [[python] for python in found] if options.per_python else [list(found)]
+                for group in groups:
+                    chosen = without_twins([wheel for python in group for wheel in found[python]])
+                    stage = Path(scratch) / f"stage_{platform}_{'_'.join(group)}"
+                    target = build(platform, group[0] if options.per_python else "", chosen, stage, options)
+                    print(f"{platform}: {target} {target.stat().st_size / 1e6:.0f} MB, {len(chosen)} wheels", flush=True)
             except subprocess.CalledProcessError as error:
                 print(f"{platform}: failed\n{error.stdout}", file=sys.stderr)
                 failed.append(platform)
-                continue
-            print(f"{platform}: {target} {target.stat().st_size / 1e6:.0f} MB, {len(set(found))} wheels")
     return 1 if failed else 0
 
 
@@ -95,8 +104,20 @@ def collect(platform: str, python: str, folder: Path) -> list[Path]:
     return [wheel for wheel in place.glob("*.whl") if name_of(wheel.name.split("-")[0]) not in IN_BLENDER]
 
 
-def build(platform: str, wheels: list[Path], stage: Path, options: argparse.Namespace) -> Path:
-    """Stage the code with its wheels and an adapted manifest, build the zip and validate it."""
+def without_twins(wheels: list[Path]) -> list[Path]:
+    """Each wheel once. Of pure Python packages in two versions the older stays: it was chosen for the older NumPy too."""
+    kept: dict[str, Path] = {}
+    for wheel in sorted(wheels, key=lambda w: [int(n) for n in re.findall(r"\d+", w.name.split("-")[1])]):
+        pure = wheel.name.endswith("-none-any.whl")
+        kept.setdefault(wheel.name.split("-")[0] if pure else wheel.name, wheel)
+    return sorted(kept.values())
+
+
+def build(platform: str, python: str, wheels: list[Path], stage: Path, options: argparse.Namespace) -> Path:
+    """Stage the code with its wheels and an adapted manifest, build the zip and validate it.
+
+    ``python``: the only one that the zip is for; empty for all.
+    """
     skipped = shutil.ignore_patterns(".*", "__pycache__", "tests", "docs", "build", "dist", "demo", "*.egg-info", "*.zip")
     shutil.copytree(ROOT, stage, ignore=skipped)
     (stage / "wheels").mkdir()
@@ -107,10 +128,16 @@ def build(platform: str, wheels: list[Path], stage: Path, options: argparse.Name
         raise SystemExit("__init__.py has no __version__.")
     manifest = (ROOT / "blender_manifest.toml").read_text(encoding="utf-8")
     manifest = re.sub(r'^version = ".*"', f'version = "{version[1]}"', manifest, flags=re.MULTILINE)
+    suffix = ""
+    if python:
+        first, after = BLENDER_VERSIONS[python]
+        limits = f'blender_version_min = "{first}"' + (f'\nblender_version_max = "{after}"' if after else "")
+        manifest = re.sub(r'^blender_version_min = ".*"', limits, manifest, flags=re.MULTILINE)
+        suffix = f"-blender{first.rpartition('.')[0]}"
     listed = "".join(f'    "./wheels/{wheel.name}",\n' for wheel in wheels)
     generated = f'platforms = ["{platform}"]\nwheels = [\n{listed}]\n\n[permissions]'
     (stage / "blender_manifest.toml").write_text(manifest.replace("[permissions]", generated, 1), encoding="utf-8")
-    target = options.out / f"bim_verify-{version[1]}-{platform}.zip"
+    target = options.out / f"bim_verify-{version[1]}-{platform}{suffix}.zip"
     target.unlink(missing_ok=True)
     tool = extension_tool(options.blender)
     run([*tool, "build", "--source-dir", str(stage), "--output-filepath", str(target.resolve())])

@@ -14,8 +14,14 @@ NAMES = (
     "verify",
     "change",
     "quality",
+    "reconstruct",
     "export",
 )
 
 CAPABILITIES: tuple[Capability, ...] = tuple(import_module(f".{name}", __package__).CAPABILITY for name in NAMES)
 MODES: dict[str, Mode] = {mode.identifier: mode for capability in CAPABILITIES for mode in capability.modes}
+
+
+def shown_first(color_mode: str) -> tuple[Capability, ...]:
+    """The capabilities, that of the colour mode first: what the colours say is what a person asks about."""
+    return tuple(sorted(CAPABILITIES, key=lambda c: all(mode.identifier != color_mode for mode in c.modes)))

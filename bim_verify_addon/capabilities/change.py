@@ -37,6 +37,17 @@ def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column.prop(settings, "min_points")
 
 
+def _numbers(item: bpy.types.Object) -> list[tuple[str, str]]:
+    states = str(item.get(change_scene.STATES_KEY, "")).split()
+    names = str(bpy.context.scene.get(change_scene.EPOCHS_KEY, "")).split("\n")
+    return [(name or "Change", state.capitalize()) for name, state in zip(names, states, strict=False)]
+
+
+def _brief(item: bpy.types.Object, vertex: int) -> list[str]:
+    state = change_scene.state_now(item)
+    return [f"Change: {state.lower()}"] if state else []
+
+
 def show(scene: bpy.types.Scene, result: Any) -> bool:
     """Put a comparison into the scene; False if the result is none."""
     from ...core.change.results import ChangeResult
@@ -68,5 +79,12 @@ MODES = (
 )
 
 CAPABILITY = Capability(
-    "change", Step("change", "Change", _state, _draw, _expert, optional=True), MODES, BimVerifyChangeSettings, show=show
+    "change",
+    Step("change", "Change", _state, _draw, _expert, optional=True),
+    MODES,
+    BimVerifyChangeSettings,
+    numbers=_numbers,
+    brief=_brief,
+    forget=change_scene.forget,
+    show=show,
 )

@@ -1,14 +1,21 @@
-"""How good the scans are and where to scan next: the step, and the scene that shows it."""
+"""How good the scans are and where to scan next: the step, its colours, its numbers, and the scene that shows it."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import bpy
+import numpy as np
+from numpy.typing import NDArray
 
+from ...core.report import palette
 from .. import survey_scene
 from ..capability import Capability, Step, StepState
-from ..text import wrapped
+from ..colors import Legend, Mode, Surface, ramp
+from ..text import percent, wrapped
+
+COARSEST_M = 0.05
+"""Point spacing with the last colour."""
 
 
 def _state(scene: bpy.types.Scene) -> StepState:
@@ -21,10 +28,69 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     layout.operator("bim_verify.plan", icon="OUTLINER_OB_LIGHTPROBE")
     layout.operator("bim_verify.simulate", icon="OUTLINER_OB_POINTCLOUD")
     item = context.object
-    if item is not None and "bim_verify_quality" in item:
-        wrapped(layout.box(), context, item["bim_verify_quality"])
-    elif item is not None and survey_scene.STATION_KEY in item:
+    if item is not None and survey_scene.STATION_KEY in item:
         wrapped(layout.box(), context, f"{item[survey_scene.STATION_KEY]}: {item['note']}")
+
+
+def _colors() -> list[tuple[str, palette.RGB]]:
+    from ...core.quality.json_out import CAUSE_COLORS  # here: enabling the extension must not wait for its libraries
+
+    return [(name, (r / 255, g / 255, b / 255)) for name, (r, g, b) in CAUSE_COLORS.items()]
+
+
+def _cause_color(surface: Surface, _scene: bpy.types.Scene) -> NDArray[np.float64]:
+    cause = surface(survey_scene.CAUSE)
+    table = np.array([color for _, color in _colors()] + [palette.UNMEASURED])
+    row: NDArray[np.float64] = table[np.where(np.isfinite(cause), cause, len(table) - 1).astype(np.int64)]
+    return row
+
+
+def _surveyed(item: bpy.types.Object) -> bool:
+    return survey_scene.CAUSE in item.data.attributes
+
+
+MODES = (
+    Mode(
+        survey_scene.MODE,
+        "Scan quality",
+        "Where returns lie, and where not, why",
+        _cause_color,
+        lambda _: Legend(tuple((name.capitalize(), color) for name, color in _colors())),
+        _surveyed,
+    ),
+    ramp(
+        "SPACING",
+        "Point spacing",
+        "Distance between neighbouring returns on the surface",
+        survey_scene.SPACING,
+        unit="mm",
+        span=lambda _: (0.0, COARSEST_M),
+        nothing="No returns",
+        known=_surveyed,
+    ),
+)
+
+
+def _numbers(item: bpy.types.Object) -> list[tuple[str, str]]:
+    if "bim_verify_quality" not in item:
+        return []
+    return [
+        ("Returns on", percent(item["bim_verify_coverage"])),
+        ("GSA level", str(item["bim_verify_gsa_level"])),
+        ("To do", str(item["bim_verify_actions"])),
+    ]
+
+
+def _why(item: bpy.types.Object) -> str:
+    return str(item.get("bim_verify_quality", ""))
+
+
+def _brief(item: bpy.types.Object, vertex: int) -> list[str]:
+    if not _surveyed(item):
+        return []
+    cause = item.data.attributes[survey_scene.CAUSE].data[vertex].value if vertex >= 0 else float("nan")
+    here = [f"Here: {_colors()[int(cause)][0]}"] if cause == cause else []
+    return [*here, *_why(item).splitlines()]
 
 
 def show(scene: bpy.types.Scene, result: Any) -> bool:
@@ -32,4 +98,13 @@ def show(scene: bpy.types.Scene, result: Any) -> bool:
     return survey_scene.show_any(scene, result, scene.bim_verify.display_vertices)
 
 
-CAPABILITY = Capability("quality", Step("quality", "Quality", _state, _draw, optional=True), show=show)
+CAPABILITY = Capability(
+    "quality",
+    Step("quality", "Quality", _state, _draw, optional=True),
+    MODES,
+    numbers=_numbers,
+    why=_why,
+    brief=_brief,
+    forget=survey_scene.forget,
+    show=show,
+)

@@ -15,7 +15,7 @@ from .. import project, verdicts
 from .. import scene as scenery
 from ..capability import Capability, Step, StepState
 from ..colors import Category, Legend, Mode, Surface, categorical, ramp
-from ..text import millimetres, percent
+from ..text import millimetres, percent, signed_millimetres
 
 LOA_COLORS: dict[str, palette.RGB] = {
     "LOA50": (0.00, 0.27, 0.35),
@@ -63,7 +63,8 @@ def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def _loa(item: bpy.types.Object) -> str:
-    return "NOTOBSERVED" if item.bim_verify.status == "NOTOBSERVED" else item.bim_verify.achieved_loa
+    verdict = item.bim_verify
+    return verdict.status if verdict.status in ("", "NOTOBSERVED") else verdict.achieved_loa
 
 
 def _belief(surface: Surface, _scene: bpy.types.Scene) -> NDArray[np.float64]:
@@ -150,7 +151,7 @@ def _numbers(item: bpy.types.Object) -> list[tuple[str, str]]:
         ("Unknown", percent(verdict.belief_unknown)),
         ("Conflict", percent(verdict.conflict)),
         (f"Within {verdict.required_loa}", percent(confirmed)),
-        ("Median deviation", millimetres(verdict.deviation_median)),
+        ("Median deviation", signed_millimetres(verdict.deviation_median)),
         ("95 % deviation", millimetres(verdict.deviation_p95)),
         ("Shift", shift),
         ("Measurement sigma", millimetres(verdict.measurement_sigma)),
@@ -158,6 +159,36 @@ def _numbers(item: bpy.types.Object) -> list[tuple[str, str]]:
         ("Samples", f"{verdict.observed_count} of {verdict.sample_count} observed"),
         ("Seen by", verdict.stations),
     ]
+
+
+def _brief(item: bpy.types.Object, vertex: int) -> list[str]:
+    verdict = item.bim_verify
+    if not verdict.status:
+        return []
+    decided = f" (decided; computed {palette.STATUS_LABELS[verdict.status].lower()})" if verdict.decided_status else ""
+    said = [f"{palette.STATUS_LABELS[verdicts.status(item)]}{decided}, {verdict.achieved_loa} of {verdict.required_loa}"]
+    if (here := _here(item, vertex)) is not None:
+        said.append(here)
+    if verdict.deviation_median == verdict.deviation_median:
+        said.append(
+            f"Median deviation {signed_millimetres(verdict.deviation_median)}, sigma {millimetres(verdict.measurement_sigma)}"
+        )
+    if verdict.displacement == verdict.displacement:
+        word = "significant" if verdict.significant else "not significant"
+        said.append(f"Shift {millimetres(verdict.displacement)} ± {millimetres(1.96 * verdict.displacement_sigma)}, {word}")
+    return [*said, _why(item)]
+
+
+def _here(item: bpy.types.Object, vertex: int) -> str | None:
+    """What the scans say at one vertex of the surface."""
+    attributes = item.data.attributes
+    if vertex < 0 or "bv_occupied" not in attributes:
+        return None
+    names = ("occupied", "empty", "unknown")
+    belief = ", ".join(f"{percent(attributes[f'bv_{name}'].data[vertex].value)} {name}" for name in names)
+    measured = attributes["bv_deviation"].data[vertex].value
+    deviation = f"{signed_millimetres(measured)}; " if measured == measured else ""
+    return f"Here: {deviation}{belief}"
 
 
 def _why(item: bpy.types.Object) -> str:
@@ -190,6 +221,8 @@ CAPABILITY = Capability(
     Step("verify", "Verify", _state, _draw, _expert),
     MODES,
     numbers=_numbers,
+    brief=_brief,
     why=_why,
+    forget=verdicts.forget,
     show=show,
 )

@@ -15,6 +15,7 @@ from .import_ifc import BIMVERIFY_OT_import_ifc
 from .import_scan import BIMVERIFY_OT_import_scan, BIMVERIFY_OT_remove_scan
 from .plan import BIMVERIFY_OT_plan
 from .quality import BIMVERIFY_OT_quality
+from .reconstruct import BIMVERIFY_OT_reconstruct
 from .select_findings import BIMVERIFY_OT_select_findings
 from .show_results import BIMVERIFY_OT_show_results
 from .simulate import BIMVERIFY_OT_simulate
@@ -34,6 +35,7 @@ CLASSES = (
     BIMVERIFY_OT_quality,
     BIMVERIFY_OT_plan,
     BIMVERIFY_OT_simulate,
+    BIMVERIFY_OT_reconstruct,
     BIMVERIFY_OT_show_results,
     BIMVERIFY_OT_decide,
     BIMVERIFY_OT_export_ifc,

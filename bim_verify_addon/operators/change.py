@@ -52,9 +52,7 @@ class BIMVERIFY_OT_change(Job["ChangeResult"], bpy.types.Operator):
     def finish(self, context: bpy.types.Context, value: ChangeResult) -> str:
         from ...core.change.psets import apply_changes
 
-        live = bonsai.live_file()
-        if live is not None:
-            apply_changes(live, value)
+        bonsai.change_file(context, self.bl_idname, lambda file: apply_changes(file, value))
         SESSION.models[context.scene.name] = value.model
         project.adopt_frame(context.scene, value.model)
         change_scene.show_change(context.scene, value)

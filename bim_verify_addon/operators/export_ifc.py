@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from ...core.errors import BimVerifyError
 from ...core.files import whole_file
-from .. import bonsai, project
-from .file_browser import has_result, idle
+from ...core.progress import Progress
+from .. import bonsai
+from .result_file import ResultFile, Write
+
+if TYPE_CHECKING:
+    from ...core.results import VerificationResult
 
 
-class BIMVERIFY_OT_export_ifc(bpy.types.Operator):
+class BIMVERIFY_OT_export_ifc(ResultFile, bpy.types.Operator):
     """Write a copy of the IFC file with the verdicts as property sets; the imported file is never changed.
 
     When Bonsai holds the project the property sets are in its file already: saving there keeps them too.
@@ -23,39 +29,33 @@ class BIMVERIFY_OT_export_ifc(bpy.types.Operator):
     bl_label = "Export IFC"
     bl_description = "Write a copy of the IFC file with the verdicts as property sets; the imported file is never changed"
     bl_options = {"REGISTER"}
+    title = "Export IFC"
+    ending, suffixes = "_verified.ifc", (".ifc",)
 
     filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file to write")
     filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
     check_existing: BoolProperty(default=True, options={"HIDDEN"})
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return has_result(cls, context) and idle(cls)
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if not self.filepath:
-            source = Path(project.result(context.scene).model.path)
-            self.filepath = str(source.with_name(f"{source.stem}_verified.ifc"))
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def writer(self, context: bpy.types.Context) -> Write:
         from ...core.model.write_psets import write_verified_ifc
 
-        result = project.result(context.scene)
-        out = Path(bpy.path.abspath(self.filepath)).with_suffix(".ifc")
-        try:
-            if not self.filepath:
-                raise BimVerifyError("No file name was given. Choose where to write the IFC file.")
-            live = bonsai.live_file()
-            if live is not None:
-                with whole_file(out) as temporary:
-                    live.write(str(temporary))
-            else:
-                write_verified_ifc(result.model.path, result, out)
-        except BimVerifyError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        context.scene.bim_verify.exported_path = str(out)
-        self.report({"INFO"}, f"Written: {out}")
-        return {"FINISHED"}
+        live = bonsai.live_file()
+        if live is None:
+
+            def write(result: VerificationResult, path: Path, progress: Progress) -> str:
+                progress.update(0.0, "Writing the property sets")
+                write_verified_ifc(result.model.path, result, path)
+                return str(path)
+
+            return write
+
+        folder = tempfile.TemporaryDirectory(prefix="bim_verify_")
+        copy = Path(folder.name) / "live.ifc"
+        live.write(str(copy))  # here: nothing of Bonsai is used in another thread
+
+        def hand_over(result: VerificationResult, path: Path, progress: Progress) -> str:
+            with folder, whole_file(path) as temporary:
+                shutil.copyfile(copy, temporary)
+            return str(path)
+
+        return hand_over

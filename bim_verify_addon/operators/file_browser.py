@@ -7,6 +7,7 @@ from collections.abc import Callable
 import bpy
 
 from .. import project
+from ..jobs import start_soon
 from ..session import SESSION
 
 
@@ -29,16 +30,7 @@ def restart_when_closed(operator: bpy.types.Operator) -> bool:
     """
     if not getattr(operator, "asked", False):
         return False
-    values = operator.as_keywords(ignore=("filter_glob", "check_existing", "files"))
-    if "files" in operator.properties:
-        values["files"] = [{"name": entry.name} for entry in operator.files]
-    name = operator.bl_idname
-
-    def start() -> None:
-        module, function = name.lower().replace("_ot_", ".").split(".", 1)
-        getattr(getattr(bpy.ops, module), function)("INVOKE_DEFAULT", **values)
-
-    bpy.app.timers.register(start, first_interval=0.01)
+    start_soon(operator)
     return True
 
 

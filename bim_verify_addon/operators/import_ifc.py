@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ...core.errors import BimVerifyError
 from ...core.progress import Progress
-from .. import bonsai, project, scene
+from .. import bonsai, paint, project, scene
+from ..capabilities import CAPABILITIES
 from ..jobs import Job, Work
 from ..session import SESSION
 from .file_browser import ask_or_start, idle, restart_when_closed
@@ -61,18 +62,27 @@ class BIMVERIFY_OT_import_ifc(Job["tuple[BuildingModel, NDArray[np.float64]]"], 
         return work
 
     def finish(self, context: bpy.types.Context, value: tuple[BuildingModel, NDArray[np.float64]]) -> str:
-        settings = context.scene.bim_verify
-        model, placement = value
-        SESSION.models[context.scene.name] = model
-        settings.model_path = model.path
-        project.adopt_frame(context.scene, model)
-        if bonsai.live_file() is None:
-            scene.show_model(context.scene, model)
-        scene.move_scans(context.scene, placement)
-        settings.alignment_summary = ""
-        storeys = len({element.storey for element in model.elements} - {""})
-        settings.model_summary = (
-            f"{len(model.elements)} elements in {storeys} storey{'s' if storeys != 1 else ''}, {model.schema}"
-        )
-        skipped = f" {len(model.skipped)} products have no usable body." if model.skipped else ""
-        return f"{settings.model_summary}.{skipped}"
+        return adopt_model(context, *value)
+
+
+def adopt_model(context: bpy.types.Context, model: BuildingModel, placement: NDArray[np.float64]) -> str:
+    """Take ``model`` as the scene's and show it, with the scans where ``placement`` (4, 4) puts them; one sentence."""
+    settings = context.scene.bim_verify
+    SESSION.models[context.scene.name] = model
+    settings.model_path = model.path
+    project.adopt_frame(context.scene, model)
+    if bonsai.live_file() is None:
+        scene.show_model(context.scene, model)
+        if settings.verified_model != model.content_hash:
+            for capability in CAPABILITIES:
+                if capability.forget is not None:
+                    capability.forget(context.scene)
+        paint.refresh(context.scene)
+    scene.move_scans(context.scene, placement)
+    settings.alignment_summary = ""
+    storeys = len({element.storey for element in model.elements} - {""})
+    settings.model_summary = (
+        f"{len(model.elements)} elements in {storeys} storey{'s' if storeys != 1 else ''}, {model.schema}"
+    )
+    skipped = f" {len(model.skipped)} products have no usable body." if model.skipped else ""
+    return f"{settings.model_summary}.{skipped}"

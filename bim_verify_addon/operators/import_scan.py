@@ -83,7 +83,8 @@ class BIMVERIFY_OT_import_scan(Job[Clouds], bpy.types.Operator):
             for number, path in enumerate(paths):
                 progress.update(number / len(paths), f"Reading {Path(path).name}")
                 source = open_scans([path], origin=options.origin)
-                xyz, station, color = thin(source, most)
+                part = progress.part(number / len(paths), (number + 1) / len(paths))
+                xyz, station, color = thin(source, most, progress=part)
                 clouds.append(Cloud(path, source.point_count, len(source.stations), xyz, station, color))
             return Clouds(clouds, project.placement(model, campaign, options))
 

@@ -53,11 +53,12 @@ class BIMVERIFY_OT_quality(Job["tuple[QualityResult, SurveyDisplay]"], bpy.types
         load, paths, budget = (
             project.model_loader(context.scene), project.scan_paths(settings), settings.display_vertices,
         )
+        spacing = common.sample_spacing
 
         def work(progress: Progress) -> tuple[QualityResult, SurveyDisplay]:
             model = load(progress.part(0.0, 0.1))
             result = jobs.quality(model, paths, options, progress.part(0.1, 0.9))
-            return result, make_survey_display(result, budget, progress.part(0.9, 1.0))
+            return result, make_survey_display(result, budget, progress.part(0.9, 1.0), spacing)
 
         return work
 
@@ -66,9 +67,7 @@ class BIMVERIFY_OT_quality(Job["tuple[QualityResult, SurveyDisplay]"], bpy.types
         from ..survey_scene import show_quality
 
         result, display = value
-        live = bonsai.live_file()
-        if live is not None:
-            apply_quality_psets(live, result)
+        bonsai.change_file(context, self.bl_idname, lambda file: apply_quality_psets(file, result))
         project.adopt_frame(context.scene, result.model)
         message = show_quality(context.scene, result, display)
         scene.show_colors_in_views()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import bpy
 
 from ...core.errors import BimVerifyError
+from ...core.files import all_or_none
 from ...core.progress import Progress
 from .. import project
 from ..jobs import Job, Work
@@ -59,7 +60,14 @@ class ResultFile(Job[str]):
         assert result is not None
         if path.resolve() == Path(result.model.path).resolve():
             raise BimVerifyError(f"{path} is the model, which is never written to. Give another name.")
-        return lambda progress: write(result, path, progress)
+
+        def work(progress: Progress) -> str:
+            with all_or_none():
+                said = write(result, path, progress)
+                progress.check()
+            return said
+
+        return work
 
     def finish(self, context: bpy.types.Context, value: str) -> str:
         context.scene.bim_verify.exported_path = value

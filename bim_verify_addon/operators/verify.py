@@ -71,7 +71,7 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
         only = selection.global_ids(context) if self.selected_only else None
         if only is not None and not only:
             raise BimVerifyError("No element is selected. Select some, or turn off 'Selected elements only'.")
-        self.earlier = project.result(context.scene)
+        self.earlier = earlier = project.result(context.scene)
         self.only = only
         load, paths = project.model_loader(context.scene), project.scan_paths(settings)
         budget, known = settings.display_vertices, verdicts.decisions(context.scene)
@@ -80,7 +80,9 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
 
         def work(progress: Progress) -> tuple[VerificationResult, Display, NDArray[np.float64]]:
             model = load(progress.part(0.0, 0.1))
-            result = jobs.verify(model, paths, options, progress.part(0.1, 0.9))
+            narrow = only is not None and selection.comparable(model, options, earlier)
+            asked = replace(options, only=tuple(sorted(only or ())) if narrow else ())
+            result = jobs.verify(model, paths, asked, progress.part(0.1, 0.9))
             written = stored if live is not None or not path else decisions_in(path)
             result = replace(result, decisions={**written, **known})
             placement = result.alignment.transform @ project.placement(model, paths, options)

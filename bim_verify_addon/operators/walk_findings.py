@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
+from mathutils import Vector
 
 from .. import bonsai, scene
+from ..sight import sight
 from .select_findings import needs_findings, of_category
 
 
@@ -45,7 +47,7 @@ class BIMVERIFY_OT_step_finding(bpy.types.Operator):
         item.hide_set(False)
         item.select_set(True)
         context.view_layer.objects.active = item
-        _frame(context)
+        _frame(context, item)
         self.report({"INFO"}, f"{order.index(item) + 1} of {len(order)}: {item.name}")
         return {"FINISHED"}
 
@@ -91,14 +93,16 @@ def _urgency(item: bpy.types.Object) -> tuple[float, str]:
     return (-shift if shift == shift else 0.0, item.name)
 
 
-def _frame(context: bpy.types.Context) -> None:
-    """Frame the selection in the 3D view; without a window there is none."""
+def _frame(context: bpy.types.Context, item: bpy.types.Object) -> None:
+    """Look at an object so that it is seen; without a window there is no view."""
     if bpy.app.background or context.window is None:
         return
-    area = next((a for a in context.window.screen.areas if a.type == "VIEW_3D"), None)
-    region = next((r for r in area.regions if r.type == "WINDOW"), None) if area is not None else None
-    if region is not None:
-        with context.temp_override(area=area, region=region):
-            bpy.ops.view3d.view_selected()
-
-
+    for area in context.window.screen.areas:
+        if area.type == "VIEW_3D":
+            view = area.spaces.active.region_3d
+            if view.view_perspective == "CAMERA":
+                view.view_perspective = "PERSP"
+            toward, middle, distance = sight(context, item, view.view_rotation @ Vector((0.0, 0.0, 1.0)))
+            view.view_rotation = toward.to_track_quat("Z", "Y")
+            view.view_location, view.view_distance = middle, distance
+            return

@@ -29,17 +29,21 @@ class BIMVERIFY_PT_result(bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(context.scene.bim_verify.counts)
+        return bool(context.scene.bim_verify.has_findings)
 
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = context.scene.bim_verify, self.layout
-        wrapped(layout, context, settings.result_summary)
+        if settings.result_summary:
+            wrapped(layout, context, settings.result_summary)
+        if settings.overruled:
+            wrapped(layout, context, f"{settings.overruled} of the verdicts are overruled by a person")
         layout.prop(settings, "color_mode")
         if settings.color_mode == "DEVIATION":
             layout.prop(settings, "deviation_range_mm")
         row = layout.row(align=True)
         row.prop(settings, "show_legend", toggle=True)
         row.prop(settings, "show_numbers", toggle=True)
+        row.prop(settings, "show_hover", toggle=True)
         mode = MODES[settings.color_mode]
         labels = {entry.identifier: entry.label for entry in mode.categories}
         column = layout.column(align=True)

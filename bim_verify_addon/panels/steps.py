@@ -22,13 +22,16 @@ class BIMVERIFY_PT_steps(bpy.types.Panel):
     bl_region_type = "UI"
     bl_category = TAB
 
-    def draw(self, context: bpy.types.Context) -> None:
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        """In the header, whose height never changes: the steps below stay where they are."""
         job = SESSION.job
         if job is None:
             return
         left = "" if job.seconds_left is None else f", {duration(job.seconds_left)} left"
-        self.layout.progress(factor=job.fraction, text=f"{job.title} {100 * job.fraction:.0f} %{left}")
-        self.layout.label(text=f"{job.message} (Esc cancels)")
+        self.layout.progress(factor=job.fraction, text=f"{100 * job.fraction:.0f} %{left}")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Nothing but the steps, which are panels of their own."""
 
 
 def _panel(number: int, step: Step) -> type[bpy.types.Panel]:

@@ -33,6 +33,7 @@ from ..scans.campaign import ScanSource
 from ..scans.store import ReturnStore
 from ..sensing.loa import UPPER_BOUND_M, level_sigma
 from ..sensing.presets import PRESETS, ZONE_SIGMAS
+from .asked import narrowed
 from .inputs import Stopwatch, limited_threads, open_campaign, open_model
 
 
@@ -89,6 +90,7 @@ def _verify(
     if options.align != "none":
         source = TransformedSource(source, record.transform)
         watch.lap("alignment")
+    samples = narrowed(model, samples, options.only)
     with ReturnStore(source, options.memory_gb, progress.part(0.2, 0.4)) as store:
         watch.lap("reading")
         stations = StationIndexes(store, model.origin)

@@ -29,12 +29,15 @@ TIME_STAMP = "2024-01-01T00:00:00"
 """Fixed, so that the same scans write the same file."""
 
 
-def write_reconstruction(path: str | Path, result: Reconstruction) -> None:
-    """Write the model in the scans' own frame. Raises BimVerifyError when the place cannot be written."""
+def write_reconstruction(path: str | Path, result: Reconstruction, name: str = "") -> None:
+    """Write the model in the scans' own frame. Raises BimVerifyError when the place cannot be written.
+
+    ``name``: of the file in its header, where ``path`` is not the last place of it.
+    """
     writer = _Writer(result)
     writer.build()
     with whole_file(path) as temporary:
-        writer.file.header.file_name.name = Path(path).name
+        writer.file.header.file_name.name = name or Path(path).name
         writer.file.header.file_name.time_stamp = TIME_STAMP
         writer.file.write(str(temporary))
 

@@ -31,6 +31,7 @@ OPTION_LABELS = {
     "sample_spacing": "Sample spacing (m)",
     "fusion": "Fusion rule",
     "preset": "Mass functions",
+    "only": "Only the elements",
     "scan_frame": "Frame of the scans",
     "origin": "Scanner position given (m)",
     "threads": "Threads (0: all)",
@@ -61,7 +62,7 @@ def render_page(result: VerificationResult, *, progress: Progress | None = None)
     """The whole page as text."""
     progress = progress or Progress()
     limit = UPPER_BOUND_M[result.options.loa]
-    rows = element_rows(result)
+    rows, held = element_rows(result), result.as_decided()
     style = _colors_css() + source("page.css")
     script = source("page.js")
     environment = templates()
@@ -77,17 +78,17 @@ def render_page(result: VerificationResult, *, progress: Progress | None = None)
         facts=_facts(result),
         statuses=[
             {"key": s, "label": palette.STATUS_LABELS[s], "sign": palette.STATUS_SIGNS[s],
-             "meaning": palette.STATUS_MEANINGS[s], "count": result.count(s)}
+             "meaning": palette.STATUS_MEANINGS[s], "count": held.count(s)}
             for s in STATUSES
         ],
         headline=headline(result),
         file_names=_file_names(result),
-        pictures=report_pictures(result, limit, progress.part(0.1, 0.95)),
+        pictures=report_pictures(held, limit, progress.part(0.1, 0.95)),
         picture_size=SIZE,
         deviation_stops=palette.DEVIATION_STOPS,
         limit_mm=limit * 1000.0,
         histogram=charts.deviation_histogram(result, limit),
-        coverage=charts.coverage_chart(result),
+        coverage=charts.coverage_chart(held),
         levels=charts.level_chart(result),
         by_class=group_counts(rows, lambda row: str(row["class"])),
         by_storey=group_counts(rows, lambda row: str(row["storey"] or "(no storey)"), 5),
@@ -106,8 +107,9 @@ def render_page(result: VerificationResult, *, progress: Progress | None = None)
 
 
 def headline(result: VerificationResult) -> str:
-    """The result in one or two sentences."""
-    total, count = len(result.verdicts), {s: result.count(s) for s in STATUSES}
+    """The result in two or three sentences: what holds, and how much of it a person decided."""
+    held, overruled = result.as_decided(), result.summary()["overruled"]
+    total, count = len(held.verdicts), {s: held.count(s) for s in STATUSES}
     first = f"{count['CONFIRMED']} of {total} elements are confirmed at LOA{result.options.loa}."
     trouble = []
     if count["DEVIATING"]:
@@ -117,7 +119,8 @@ def headline(result: VerificationResult) -> str:
     open_ones = count["PARTIAL"] + count["NOTOBSERVED"]
     second = (" and ".join(trouble) + "." if trouble else "None deviates and none is absent.").capitalize()
     third = f" {open_ones} could not be decided for want of evidence." if open_ones else ""
-    return f"{first} {second}{third}"
+    fourth = f" A person overruled {overruled} verdict{'s' if overruled > 1 else ''}." if overruled else ""
+    return f"{first} {second}{third}{fourth}"
 
 
 def format_mm(value: float | None, digits: int = 1, signed: bool = False) -> str:

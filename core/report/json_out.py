@@ -20,7 +20,8 @@ FORMAT_VERSION = 1
 def result_to_json(result: VerificationResult) -> dict[str, Any]:
     """Plain lists, dicts, numbers, texts and None (never NaN). Lengths in metres, model frame, angles in radians.
 
-    ``verdicts[i]`` belongs to ``elements[i]``, and to the samples whose ``element`` is i in the samples PLY.
+    ``verdicts[i]`` belongs to ``elements[i]``, and to the samples whose ``element`` is i in the samples PLY. Verdicts are
+    those that were computed; ``decisions`` says, by GlobalId, what a person put in their place.
     """
     model = result.model
     document = {
@@ -41,6 +42,7 @@ def result_to_json(result: VerificationResult) -> dict[str, Any]:
         "options": result.options,
         "elements": [verdict.global_id for verdict in result.verdicts],
         "verdicts": result.verdicts,
+        "decisions": result.decisions,
         "stations": result.stations,
         "alignment": result.alignment,
         "timings": result.timings,

@@ -168,7 +168,8 @@
     const vector = r.vector ? r.vector.map((v) => mm(v, 1, true)).join(", ") + " mm" : "–";
     const significance = r.significant === null ? "not determined" : r.significant ? "yes, at 95 %" : "no, within its uncertainty";
     return make("tr", { class: "details" }, make("td", { colspan: 11 },
-      make("p", { class: "reason" }, make("bdi", {}, r.reason)),
+      r.decision ? make("p", { class: "reason" }, make("b", {}, `Decided: ${data.labels[r.decision.status].toLowerCase()}. `), make("bdi", {}, r.decision.reason), ` (${r.decision.author || "a person"}, ${r.decision.date})`) : null,
+      make("p", { class: "reason" }, r.decision ? make("b", {}, `Computed: ${data.labels[r.decision.computed].toLowerCase()}. `) : null, make("bdi", {}, r.reason)),
       make("div", { class: "cols" },
         make("div", {}, make("h4", {}, "Evidence"), keyValues([
           ["GlobalId", make("span", {}, make("span", { class: "code" }, r.id), copy)],
@@ -248,7 +249,7 @@
       if (i === undefined) return;
       const r = rows[i];
       const facts = [r.median === null ? null : `median ${mm(r.median, 1, true)} mm`, `${percent(r.coverage)} covered`].filter(Boolean);
-      tip.replaceChildren(make("b", {}, make("bdi", {}, r.name || r.class)), make("span", {}, `${data.signs[r.status]} ${data.labels[r.status]} · ${r.class}`), make("span", {}, facts.join(" · ")));
+      tip.replaceChildren(make("b", {}, make("bdi", {}, r.name || r.class)), make("span", {}, `${data.signs[r.status]} ${data.labels[r.status]}${r.decision ? " (decided)" : ""} · ${r.class}`), make("span", {}, facts.join(" · ")));
       (frame.closest("dialog") || document.body).append(tip);
       tip.style.left = Math.min(event.clientX + 16, innerWidth - tip.offsetWidth - 8) + "px";
       tip.style.top = Math.min(event.clientY + 16, innerHeight - tip.offsetHeight - 8) + "px";

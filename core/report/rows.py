@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,10 @@ SEVERITY = ("ABSENT", "DEVIATING", "PARTIAL", "NOTOBSERVED", "CONFIRMED")
 
 
 def element_rows(result: VerificationResult) -> list[dict[str, Any]]:
-    """One record per element, most urgent first; ``row`` is its place in ``result.verdicts``."""
+    """One record per element, most urgent first; ``row`` is its place in ``result.verdicts``.
+
+    ``status`` is what holds; ``decision`` says who put it in the place of the computed verdict, if anybody did.
+    """
     start = np.searchsorted(result.samples.element, np.arange(len(result.verdicts) + 1))
     bound_mm = UPPER_BOUND_M[result.options.loa] * 1000.0
     rows = []
@@ -27,6 +31,9 @@ def element_rows(result: VerificationResult) -> list[dict[str, Any]]:
         part = slice(int(start[index]), int(start[index + 1]))
         record = _record(verdict)
         record["row"] = index
+        decision = result.decisions.get(verdict.global_id)
+        record["status"] = result.status_of(verdict)
+        record["decision"] = None if decision is None else {**asdict(decision), "computed": verdict.status}
         record["type"] = element.type_name
         record["histogram"], record["limit"] = _histogram(
             result.evidence.deviation[part], result.samples.area[part], bound_mm
@@ -78,7 +85,6 @@ def _record(v: ElementVerdict) -> dict[str, Any]:
         "class": v.ifc_class,
         "name": v.name,
         "storey": v.storey,
-        "status": v.status,
         "required": v.required_loa,
         "achieved": v.achieved_loa,
         "occupied": _share(v.belief_occupied),

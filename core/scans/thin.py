@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ..progress import Progress
 from .campaign import ReturnBlock, ScanSource
 
 NEAREST_M, FARTHEST_M = 0.5, 30.0
@@ -62,7 +65,7 @@ class _Best:
 
 
 def thin(
-    source: ScanSource, max_points: int, seed: int = 0
+    source: ScanSource, max_points: int, seed: int = 0, progress: Progress | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.uint8] | None]:
     """Choose at most ``max_points`` returns for display: (xyz (N, 3) scan frame, station (N,), color (N, 3) or None).
 
@@ -76,12 +79,16 @@ def thin(
     mix = np.uint64((0x9E3779B97F4A7C15 * (seed + 1)) % 2**64)
     best = _Best(max_points)
     stations = source.stations
+    progress, read = progress or Progress(), 0
+    name = ", ".join(Path(path).name for path in source.paths)
     colored = False
     for block in source.blocks(attributes=True):
         colored |= block.color is not None
         station = stations[block.station]
         priority = _block_priorities(block, mix, station.known)
         best.add(priority, block.offsets + station.position, block.station, block.color)
+        read += len(block.offsets)
+        progress.update(read / max(source.point_count, 1), f"Reading {name}")
     if best.parts:
         best.shrink()
         _, xyz, number, color = best.parts[0]

@@ -57,6 +57,14 @@ def test_elements_are_coloured_epoch_by_epoch(blender: bpy.types.Scene, changed:
     assert settings.epoch == 2
 
 
+def test_another_model_takes_the_changes_away(blender: bpy.types.Scene, changed: ChangeResult) -> None:
+    change_scene.show_change(blender, changed)
+    change_scene.forget(blender)
+    assert not blender.bim_verify_change.summary
+    assert not any(change_scene.VOXEL_KEY in item for item in blender.objects)
+    assert all(change_scene.state_now(item) == "" for item in scene.element_objects(blender).values())
+
+
 def test_gone_voxels_are_a_surface_and_the_second_result_replaces_the_first(
     blender: bpy.types.Scene, changed: ChangeResult
 ) -> None:

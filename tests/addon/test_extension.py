@@ -5,6 +5,7 @@ The last is slow (it downloads and unpacks all wheels) and runs where ``BIM_VERI
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import subprocess
 import sys
@@ -45,6 +46,34 @@ print("verified", flush=True)
 os._exit(0)
 """
 
+COME_AND_GO = """
+import os, sys, bpy
+older, newer = sys.argv[1:3]
+profile = os.environ["BLENDER_USER_RESOURCES"]
+home = next(r for r in bpy.context.preferences.extensions.repos if r.module == "user_default").directory
+where = os.path.join(home, "bim_verify")
+
+def install(path):
+    bpy.ops.extensions.package_install_files(filepath=path, repo="user_default", enable_on_install=True)
+    assert hasattr(bpy.types.Scene, "bim_verify"), "not enabled"
+    return open(os.path.join(where, "blender_manifest.toml")).read()
+
+assert 'version = "0.0.1"' in install(older)
+assert os.path.exists(os.path.join(where, "gone.py"))
+kept = os.environ["BIM_VERIFY_CACHE"]
+assert kept.startswith(profile), kept
+open(os.path.join(kept, "made_by_us"), "w").close()
+assert 'version = "0.0.1"' not in install(newer)
+assert not os.path.exists(os.path.join(where, "gone.py")), "a file of the older version is still there"
+assert bpy.ops.bim_verify.import_ifc.poll()
+bpy.ops.extensions.package_uninstall(repo_directory=home, pkg_id="bim_verify")
+assert not hasattr(bpy.types.Scene, "bim_verify"), "still registered"
+names = [os.path.join(a, n) for a, folders, files in os.walk(profile) for n in folders + files]
+left = [name for name in names if "bim_verify" in os.path.basename(name) or name.endswith("made_by_us")]
+print("left", left, flush=True)
+os._exit(0)
+"""
+
 
 def test_manifest_is_valid_and_agrees_with_the_package(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, str(TOOL), "validate", str(ROOT)], capture_output=True, text=True, timeout=120)
@@ -62,6 +91,36 @@ def test_zip_holds_the_code_and_no_tests(tmp_path: Path) -> None:
     names = zipfile.ZipFile(tmp_path / "b.zip").namelist()
     assert {"__init__.py", "blender_manifest.toml", "core/results.py", "bim_verify_addon/registration.py"} <= set(names)
     assert not [n for n in names if n.startswith(("tests/", "docs/", ".")) or "__pycache__" in n or n.endswith(".blend")]
+
+
+def test_an_update_replaces_and_an_uninstall_leaves_nothing(tmp_path: Path) -> None:
+    newer, older, profile = tmp_path / "newer.zip", tmp_path / "older.zip", tmp_path / "profile"
+    profile.mkdir()
+    command = [sys.executable, str(TOOL), "build", "--source-dir", str(ROOT), "--output-filepath", str(newer)]
+    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    with zipfile.ZipFile(newer) as source, zipfile.ZipFile(older, "w") as target:
+        for name in source.namelist():
+            data = source.read(name)
+            if name == "blender_manifest.toml":
+                data = data.replace(f'version = "{bim_verify.__version__}"'.encode(), b'version = "0.0.1"', 1)
+            target.writestr(name, data)
+        target.writestr("gone.py", "")
+    keep = {k: v for k, v in os.environ.items() if k not in ("BIM_VERIFY_CACHE", "NUMBA_CACHE_DIR")}
+    done = subprocess.run(
+        [sys.executable, "-c", COME_AND_GO, str(older), str(newer)],
+        env={**keep, "BLENDER_USER_RESOURCES": str(profile)}, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert "left []" in done.stdout, done.stdout + done.stderr
+
+
+def test_a_zip_takes_each_wheel_once() -> None:
+    spec = importlib.util.spec_from_file_location("build_extension", ROOT / "scripts" / "build_extension.py")
+    assert spec is not None and spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    names = ("a-1.10-py3-none-any.whl", "a-1.9-py3-none-any.whl", "b-2-cp311-cp311-x.whl", "b-3-cp313-cp313-x.whl")
+    found = [Path("3.11") / names[0], Path("3.13") / names[1], Path("3.11") / names[2], Path("3.13") / names[3]]
+    assert [w.name for w in script.without_twins([*found, Path("3.13") / names[0]])] == [names[2], names[1], names[3]]
 
 
 @slow

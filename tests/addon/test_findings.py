@@ -7,16 +7,18 @@ from pathlib import Path
 
 import bpy
 import ifcopenshell
-import ifcopenshell.util.element
 import numpy as np
 import pytest
 from bcf.bcfxml import load
+from mathutils import Vector
 
 from bim_verify.bim_verify_addon import overlay, point_display, project, scene, verdicts
+from bim_verify.bim_verify_addon.sight import sight
+from bim_verify.core.errors import Cancelled
 from bim_verify.core.model.decisions import decisions_in
+from bim_verify.core.options import VerifyOptions
 from bim_verify.core.results import VerificationResult
 
-from ..core.factory import make_ifc
 from .scene_facts import status_counts
 
 ops = bpy.ops.bim_verify
@@ -72,6 +74,19 @@ def test_exports_say_what_is_wrong(verified: bpy.types.Scene, house: Path, tmp_p
     with pytest.raises(RuntimeError, match="Cannot"):
         getattr(ops, operator)(filepath=str(tmp_path / "file" / "x"))
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_cancelled_export_leaves_neither_file_nor_folder(
+    verified: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from bim_verify.core.report import html
+
+    def stopped(*_: object, **__: object) -> str:
+        raise Cancelled
+
+    monkeypatch.setattr(html, "render_page", stopped)
+    assert ops.report(filepath=str(tmp_path / "report")) == {"CANCELLED"}
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_bcf_of_the_selection_has_its_topics_only(verified: bpy.types.Scene, tmp_path: Path) -> None:
@@ -138,6 +153,33 @@ def test_stepping_goes_round_the_class(verified: bpy.types.Scene, result: Verifi
         ops.step_finding(category="NO SUCH")
 
 
+def test_a_finding_is_looked_at_from_where_it_is_seen(verified: bpy.types.Scene) -> None:
+    column = next(o for o in scene.element_objects(verified).values() if o.bim_verify.ifc_class == "IfcColumn")
+    for other in scene.element_objects(verified).values():
+        other.hide_set(other != column)
+    bpy.context.view_layer.update()
+    south, size = Vector((0.0, -1.0, 0.0)), column.dimensions.length
+    toward, middle, distance = sight(bpy.context, column, south)
+    assert toward == south
+    assert distance == pytest.approx(2.2 * size, rel=0.05)
+
+    def screen(away: float) -> None:
+        mesh = bpy.data.meshes.new("screen")
+        y = middle.y - away
+        mesh.from_pydata([(-99, y, -99), (99, y, -99), (0, y, 99)], [], [(0, 1, 2)])
+        verified.collection.objects.link(bpy.data.objects.new("screen", mesh))
+        bpy.context.view_layer.update()
+
+    screen(1.5 * size)  # a wall behind the viewer, who comes closer
+    toward, _, distance = sight(bpy.context, column, south)
+    assert toward == south
+    assert distance == pytest.approx(1.5 * size, rel=0.1)
+    screen(0.3 * size)  # a wall right before it: from another side
+    toward, _, distance = sight(bpy.context, column, south)
+    assert toward.dot(south) < 0.5
+    assert distance > 1.5 * size
+
+
 def test_isolating_hides_the_others_and_brings_them_back(verified: bpy.types.Scene) -> None:
     items = scene.element_objects(verified)
     ops.isolate_findings(category="ABSENT")
@@ -166,6 +208,33 @@ def test_verdicts_for_the_selection_leave_the_others(
     assert sum(v.status == "PARTIAL" for v in kept.verdicts) == result.count("PARTIAL") + 1
 
 
+def test_the_selection_alone_is_computed_where_the_rest_is_known(
+    verified: bpy.types.Scene, result: VerificationResult, verification: Verification
+) -> None:
+    from dataclasses import replace
+
+    asked: list[tuple[str, ...]] = []
+
+    def found(model: object, paths: object, options: VerifyOptions, progress: object) -> VerificationResult:
+        asked.append(options.only)
+        nothing = replace(result.evidence, m_occ=np.zeros_like(result.evidence.m_occ))
+        return replace(result, evidence=nothing, options=options)
+
+    verification(found)
+    item = select(verified, "CONFIRMED")
+    verified.bim_verify.spacing_mm = 1000 * result.options.sample_spacing
+    ops.verify(selected_only=True)
+    kept = project.result(verified)
+    assert kept is not None
+    own = result.samples.element == [v.global_id for v in result.verdicts].index(item["GlobalId"])
+    assert not kept.evidence.m_occ[own].any()
+    assert np.array_equal(kept.evidence.m_occ[~own], result.evidence.m_occ[~own])
+    assert kept.options.only == ()
+    verified.bim_verify.spacing_mm += 10  # other positions: nothing to put it into
+    ops.verify(selected_only=True)
+    assert asked == [(item["GlobalId"],), ()]
+
+
 def test_the_result_follows_what_the_scene_says(verified: bpy.types.Scene, result: VerificationResult) -> None:
     first = verified.bim_verify.result_key
     ops.verify()
@@ -191,33 +260,23 @@ def test_points_and_voxels_become_geometry(blender: bpy.types.Scene, scan: Path)
     item = bpy.data.objects.new("v", mesh)
     blender.collection.objects.link(item)
     point_display.show_as_voxels(item, 0.1)
-    made = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
-    assert len(made.vertices) == 24
-    assert "bv_color" in made.attributes
-    assert "BIM Verify" in [m.name for m in made.materials if m is not None]
+    made = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    assert made.modifiers[point_display.MODIFIER].node_group.name == f"{point_display.VOXELS} 100 mm"
+    assert made.modifiers[point_display.MODIFIER].node_group.nodes["Size"].outputs[0].default_value == pytest.approx(0.05)
+    assert tuple(item.color) == pytest.approx((1.0, 0.0, 0.0, 1.0))
 
 
-def test_hostile_names_do_no_harm_anywhere(
-    blender: bpy.types.Scene, scan: Path, tmp_path: Path, verification: Verification
-) -> None:
-    from bim_verify.core.model.load import load_model
-
-    from ..core.factory import fabricate
-
-    names = ("<script>alert(1)</script>", "../../x", "%s%n", "a\nb", "=1+1")
-    house = make_ifc(tmp_path / "h.ifc", names=names)
-    made = fabricate(load_model(house, cache=False, threads=1))
-    verification(lambda *_: made)
-    blender.bim_verify.display_vertices = 10_000
-    ops.import_ifc(filepath=str(house))
-    ops.import_scan(filepath=str(scan))
-    ops.verify()
-    out = tmp_path / "out"
-    out.mkdir()
-    for operator, name in (("export_ifc", "a.ifc"), ("export_bcf", "a.bcf"), ("export_table", "a.xlsx"), ("report", "r")):
-        assert getattr(ops, operator)(filepath=str(out / name)) == {"FINISHED"}
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["h.ifc", "out"]
-    assert sorted(p.name for p in out.iterdir()) == ["a.bcf", "a.ifc", "a.xlsx", "r"]
-    assert "<script>alert(1)" not in (out / "r" / "index.html").read_text(encoding="utf-8")
-    written = ifcopenshell.open(str(out / "a.ifc"))
-    assert names[0] in {e.Name for e in written.by_type("IfcWall")}
+def test_another_model_takes_the_findings_of_the_first_away(verified: bpy.types.Scene, house: Path, tmp_path: Path) -> None:
+    ops.import_ifc(filepath=str(house))  # the same again: they still hold
+    assert dict(status_counts(verified))["ABSENT"]
+    assert ops.export_bcf.poll()
+    item = select(verified, "ABSENT")
+    ops.decide(status="CONFIRMED", reason="seen", author="me")
+    revised = ifcopenshell.open(str(house))
+    revised.by_type("IfcWall")[0].Name = "revised"
+    revised.write(str(tmp_path / "revised.ifc"))
+    ops.import_ifc(filepath=str(tmp_path / "revised.ifc"))
+    assert status_counts(verified) == []
+    assert not ops.export_bcf.poll()
+    assert not ops.step_finding.poll()
+    assert item["GlobalId"] in verdicts.decisions(verified)

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from bim_verify.bim_verify_addon import jobs
 from bim_verify.bim_verify_addon.jobs import Job, duration
 from bim_verify.bim_verify_addon.session import SESSION
 from bim_verify.core.errors import BimVerifyError
@@ -175,3 +176,17 @@ def test_blender_ending_the_operator_stops_the_thread() -> None:
 @pytest.mark.parametrize(("seconds", "text"), [(4.4, "4 s"), (185, "3 min 05 s"), (4200, "1 h 10 min")])
 def test_duration_reads_well(seconds: float, text: str) -> None:
     assert duration(seconds) == text
+
+
+def test_a_repeat_in_a_window_does_not_block_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    soon: list[object] = []
+    monkeypatch.setattr(jobs, "start_soon", soon.append)
+    monkeypatch.setattr(jobs, "bpy", SimpleNamespace(app=SimpleNamespace(background=False)))
+    operator = FakeOperator(lambda progress: 3)
+    operator.options = SimpleNamespace(is_repeat=True, is_repeat_last=False)
+    assert operator.execute(fake_context()) == {"CANCELLED"}
+    assert soon == [operator]
+    assert operator.finished == []
+    operator.options = SimpleNamespace(is_repeat=False, is_repeat_last=False)
+    assert operator.execute(fake_context()) == {"FINISHED"}
+    assert operator.finished == [3]

@@ -22,13 +22,17 @@ from bim_verify.core.exchange.findings import findings
 from bim_verify.core.exchange.ids import write_ids
 from bim_verify.core.exchange.viewpoint import finding_camera
 from bim_verify.core.exchange.xlsx import write_xlsx
+from bim_verify.core.model.elements import BuildingModel
 from bim_verify.core.model.load import load_model
 from bim_verify.core.model.pset_templates import TEMPLATES, write_templates
 from bim_verify.core.model.raycast import RayScene
+from bim_verify.core.model.sample_surface import sample_surface
+from bim_verify.core.model.samples import SurfaceSamples
 from bim_verify.core.model.write_psets import verification_properties, write_verified_ifc
 from bim_verify.core.report.csv_out import HEADER, elements_csv
 from bim_verify.core.results import Decision, VerificationResult
 
+from . import verify_data
 from .factory import fabricate, make_ifc
 
 HOSTILE = ("<script>alert(1)</script>", "../../etc/passwd", "=cmd|' /C calc'!A0", "a\x00\x08b & \"c\" ]]>", "C:\\" + "ä" * 500)
@@ -103,15 +107,29 @@ def test_bcf_takes_no_path_and_no_markup_from_names(hostile: VerificationResult,
     assert [p.name for p in tmp_path.iterdir()] == ["findings.bcf"]
 
 
+def seen_share(model: BuildingModel, samples: SurfaceSamples, row: int, scene: RayScene) -> float:
+    """Of the samples of an element that face its camera, how many are seen in the picture."""
+    mine = (samples.element == row) & samples.exposed
+    camera = finding_camera(model, row, samples.position[mine], samples.normal[mine], scene, 4 / 3)
+    facing = samples.position[mine][samples.normal[mine] @ camera.forward < -0.1]
+    depth = (facing - camera.center) @ camera.forward + camera.reach
+    _, triangle = scene.first_hit(facing - depth[:, None] * camera.forward, np.tile(camera.forward, (len(facing), 1)))
+    return float(((model.triangle_element[triangle] == row) & (depth > 0)).mean())
+
+
 def test_bcf_camera_sees_the_element(result: VerificationResult) -> None:
     scene = RayScene(result.model)
-    for row in range(len(result.verdicts)):
-        mine = result.samples.element == row
-        camera = finding_camera(result.model, row, result.samples.position[mine], result.samples.normal[mine], scene, 4 / 3)
-        start = result.samples.position[mine] - camera.reach * camera.forward
-        _, triangle = scene.first_hit(start, np.tile(camera.forward, (len(start), 1)))
-        seen = result.model.triangle_element[triangle] == row
-        assert seen.mean() > 0.25, result.verdicts[row].name
+    for row, verdict in enumerate(result.verdicts):
+        assert seen_share(result.model, result.samples, row, scene) > 0.5, verdict.name
+
+
+def test_bcf_camera_looks_into_rooms_and_up_to_ceilings() -> None:
+    """The slab over both rooms, the ceiling under it, what stands in the rooms."""
+    model = verify_data.house()
+    scene, samples = RayScene(model), sample_surface(model, 0.2)
+    for name in ("slab", "ceiling", "floor", "partition", "column", "cupboard", "plate", "valve"):
+        row = next(k for k, e in enumerate(model.elements) if e.name == name)
+        assert seen_share(model, samples, row, scene) > 0.7, name
 
 
 def test_a_decision_counts_in_the_findings(result: VerificationResult) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.report.json_out import result_to_json, to_plain, write_json
-from bim_verify.core.results import ElementVerdict
+from bim_verify.core.results import Decision, ElementVerdict
 
 from .factory import small_result
 
@@ -49,3 +49,17 @@ def test_unwritable_place(tmp_path: Path) -> None:
     with pytest.raises(BimVerifyError, match="folder"):
         write_json(tmp_path, small_result(tmp_path))
     assert sorted(p.name for p in tmp_path.iterdir()) == ["house.ifc"]
+
+
+def test_decisions_stand_beside_the_computed_verdicts(tmp_path: Path) -> None:
+    result = small_result(tmp_path)
+    first = result.verdicts[0]
+    decision = Decision("ABSENT", "taken down", "me", "2026-01-02", first.status)
+    read = result_to_json(replace(result, decisions={first.global_id: decision}))
+    assert read["summary"]["overruled"] == 1
+    assert read["summary"][first.status] == result.count(first.status)
+    assert read["verdicts"][0]["status"] == first.status
+    assert read["decisions"] == {first.global_id: {
+        "status": "ABSENT", "reason": "taken down", "author": "me", "date": "2026-01-02", "computed": first.status,
+    }}  # fmt: skip
+    assert result_to_json(result)["summary"]["overruled"] == 0

@@ -22,8 +22,9 @@ from bim_verify.core.report import charts, html, palette, pictures
 from bim_verify.core.report.camera import view_of_box
 from bim_verify.core.report.csv_out import elements_csv, guard
 from bim_verify.core.report.render import render_view
+from bim_verify.core.report.rows import element_rows
 from bim_verify.core.report.section import cut_mask
-from bim_verify.core.results import STATUSES, VerificationResult
+from bim_verify.core.results import STATUSES, Decision, VerificationResult
 
 from .factory import small_result
 
@@ -178,6 +179,22 @@ def test_headline_counts(hostile_result: VerificationResult) -> None:
         "1 of 5 elements are confirmed at LOA30. 1 deviates and 1 is absent. "
         "2 could not be decided for want of evidence."
     )
+
+
+def test_decisions_count_and_are_told_apart(hostile_result: VerificationResult) -> None:
+    absent = next(v for v in hostile_result.verdicts if v.status == "ABSENT")
+    decision = Decision("CONFIRMED", "behind <b>the shelf</b>", "A. Modeller", "2026-01-02", "ABSENT")
+    decided = replace(hostile_result, decisions={absent.global_id: decision})
+    assert html.headline(decided).startswith(f"{hostile_result.count('CONFIRMED') + 1} of")
+    assert html.headline(decided).endswith("A person overruled 1 verdict.")
+    page = html.render_page(decided)
+    assert page.count("decided; computed absent") == 1
+    assert "<b>the shelf" not in page
+    rows = {row["id"]: row for row in element_rows(decided)}
+    assert rows[absent.global_id]["status"] == "CONFIRMED"
+    assert rows[absent.global_id]["decision"]["computed"] == "ABSENT"
+    assert rows[absent.global_id]["reason"] == absent.reason
+    assert sum(row["decision"] is not None for row in rows.values()) == 1
 
 
 def test_deviation_chart_adds_up(hostile_result: VerificationResult) -> None:

@@ -12,7 +12,8 @@ import plyfile
 import pytest
 from numpy.typing import NDArray
 
-from bim_verify.core.errors import BimVerifyError
+from bim_verify.core.errors import BimVerifyError, Cancelled
+from bim_verify.core.progress import Progress
 from bim_verify.core.scans.campaign import Grid, ReturnBlock, Station
 from bim_verify.core.scans.info import describe, format_description
 from bim_verify.core.scans.open import open_scans
@@ -29,6 +30,8 @@ class Stream:
 
     def __init__(self, stations: list[Station], blocks: list[ReturnBlock], size: int) -> None:
         self.stations = tuple(stations)
+        self.paths = ("stream.e57",)
+        self.point_count = sum(len(block.offsets) for block in blocks)
         self._blocks, self._size = blocks, size
 
     def blocks(self, block_size: int = 0, *, attributes: bool = False) -> Iterator[ReturnBlock]:
@@ -61,6 +64,18 @@ def test_thinned_cloud_does_not_depend_on_blocks_or_order() -> None:
             np.testing.assert_array_equal(a, b)
     assert first[0].shape == (500, 3)
     assert not np.array_equal(first[0], thin(Stream(stations, blocks, 77), 500, seed=1)[0])
+
+
+def test_thinning_says_how_far_it_is_and_stops_when_asked() -> None:
+    stations, blocks = _wall_and_far_wall(5000)
+    said: list[tuple[float, str]] = []
+    progress = Progress(lambda done, text, left: said.append((done, text)), interval_s=0.0)
+    thin(Stream(stations, blocks, 1000), 500, progress=progress)
+    assert [done for done, _ in said] == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
+    assert said[0][1] == "Reading stream.e57"
+    progress.cancel.set()
+    with pytest.raises(Cancelled):
+        thin(Stream(stations, blocks, 1000), 500, progress=progress)
 
 
 def test_thinned_points_are_returns_and_near_surfaces_do_not_take_all() -> None:

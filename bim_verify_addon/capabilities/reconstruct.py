@@ -1,0 +1,65 @@
+"""A building model from the scans: the step, and the scene that shows it."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import StringProperty
+
+from .. import project
+from .. import scene as scenery
+from ..capability import Capability, Step, StepState
+
+
+class BimVerifyReconstructSettings(bpy.types.PropertyGroup):
+    """Of one scene."""
+
+    summary: StringProperty()
+
+
+def _state(scene: bpy.types.Scene) -> StepState:
+    found = scene.bim_verify_reconstruct.summary
+    return StepState(bool(found), found or "Optional: a model from scans of the building's inside")
+
+
+def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    layout.operator("bim_verify.reconstruct", icon="MOD_SOLIDIFY")
+
+
+def _forget(scene: bpy.types.Scene) -> None:
+    scene.bim_verify_reconstruct.summary = ""
+
+
+def show(scene: bpy.types.Scene, result: Any) -> bool:
+    """Fill an empty scene with what was reconstructed; False if the result is none."""
+    from ...core.reconstruction.building import Reconstruction
+
+    if not isinstance(result, Reconstruction):
+        return False
+    from ...core.model.load import load_model
+    from ...core.reconstruction.summary import summary_lines
+    from ...core.reconstruction.write_ifc import building_file
+
+    with tempfile.TemporaryDirectory(prefix="bim_verify_") as folder:
+        path = Path(folder) / "reconstructed.ifc"
+        building_file(result).write(str(path))
+        model = load_model(path, cache=False)
+    for scan in result.scan_paths:
+        entry = scene.bim_verify.scans.add()
+        entry.path, entry.name = str(Path(scan).resolve()), Path(scan).name
+    project.adopt_frame(scene, model)
+    scenery.show_model(scene, model)
+    scene.bim_verify_reconstruct.summary = summary_lines(result)[0]
+    return True
+
+
+CAPABILITY = Capability(
+    "reconstruct",
+    Step("reconstruct", "Reconstruct", _state, _draw, optional=True),
+    settings=BimVerifyReconstructSettings,
+    forget=_forget,
+    show=show,
+)

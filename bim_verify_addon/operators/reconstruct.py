@@ -1,0 +1,114 @@
+"""A building model from the scans."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import bpy
+import numpy as np
+from bpy.props import BoolProperty, StringProperty
+from numpy.typing import NDArray
+
+from ...core.errors import BimVerifyError
+from ...core.files import whole_file
+from ...core.options import ReconstructOptions
+from ...core.progress import Progress
+from .. import bonsai, project
+from ..jobs import Job, Work
+from .file_browser import ask_or_start, has_scans, idle, restart_when_closed
+from .import_ifc import adopt_model
+
+if TYPE_CHECKING:
+    from ...core.model.elements import BuildingModel
+
+
+@dataclass(frozen=True)
+class Made:
+    """The file that was written, in words and, if it is to be shown, as a model."""
+
+    path: Path
+    summary: str
+    notes: list[str]
+    model: BuildingModel | None
+    placement: NDArray[np.float64]
+    """(4, 4) of the scans in the frame of that model."""
+
+
+class BIMVERIFY_OT_reconstruct(Job[Made], bpy.types.Operator):
+    """Make an IFC model of what was scanned from inside: storeys, rooms, walls, openings, columns, slabs."""
+
+    bl_idname = "bim_verify.reconstruct"
+    bl_label = "Reconstruct"
+    bl_description = "Make an IFC4 model from the scans: storeys, rooms, walls, doors, windows, columns, slabs"
+    bl_options = {"REGISTER", "UNDO"}
+    title = "Reconstruct"
+
+    filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file to write")
+    filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
+    check_existing: BoolProperty(default=True, options={"HIDDEN"})
+    show: BoolProperty(
+        name="Take as the model",
+        default=True,
+        description="Import what was made as the model of this scene; an earlier one leaves the scene, its file stays",
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return has_scans(cls, context) and idle(cls)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if not self.properties.is_property_set("filepath"):
+            first = Path(project.scan_paths(context.scene.bim_verify)[0])
+            self.filepath = str(first.with_name(f"{first.stem}_reconstructed.ifc"))
+            if not bpy.app.background and context.window is not None:
+                self.asked = True
+                context.window_manager.fileselect_add(self)
+                return {"RUNNING_MODAL"}
+        return ask_or_start(self, context, event, lambda c, e: Job.invoke(self, c, e))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return {"CANCELLED"} if restart_when_closed(self) else Job.execute(self, context)
+
+    def prepare(self, context: bpy.types.Context) -> Work[Made]:
+        from ...core import jobs
+        from ...core.model.load import load_model
+        from ...core.reconstruction.summary import summary_lines
+        from ...core.reconstruction.write_ifc import write_reconstruction
+
+        settings = context.scene.bim_verify
+        if not self.filepath:
+            raise BimVerifyError("No file name was given. Choose where to write the IFC file.")
+        path, paths = Path(bpy.path.abspath(self.filepath)).with_suffix(".ifc"), project.scan_paths(settings)
+        model = project.model_path(settings)
+        if path.resolve() in {Path(p).resolve() for p in (*paths, *([model] if model else []))}:
+            raise BimVerifyError(f"{path} is an input, which is never written to. Give another name.")
+        common = project.options(settings)
+        options = ReconstructOptions(
+            sigma=common.sigma, scan_frame=common.scan_frame, origin=common.origin, threads=common.threads,
+            memory_gb=common.memory_gb,
+        )
+        show = self.show and bonsai.live_file() is None
+
+        def work(progress: Progress) -> Made:
+            found = jobs.reconstruct(paths, options, progress.part(0.0, 0.9))
+            loaded = None
+            with whole_file(path) as temporary:
+                write_reconstruction(temporary, found, path.name)
+                if show:
+                    loaded = load_model(temporary, threads=options.threads, progress=progress.part(0.9, 1.0))
+                    loaded = replace(loaded, path=str(path))
+                progress.check()
+            first, *notes = summary_lines(found)
+            return Made(path, first, notes, loaded, project.placement(loaded, paths, common))
+
+        return work
+
+    def finish(self, context: bpy.types.Context, value: Made) -> str:
+        if value.model is not None:
+            adopt_model(context, value.model, value.placement)
+        context.scene.bim_verify_reconstruct.summary = value.summary
+        for note in value.notes:
+            self.report({"INFO"}, note)
+        return f"{value.summary} Written: {value.path}"

@@ -1,0 +1,92 @@
+"""The reconstruction operator: writes the model, takes it as the scene's, or leaves the scene as it was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import ifcopenshell
+import numpy as np
+import pytest
+from shapely.geometry import box
+
+from bim_verify.bim_verify_addon import scene
+from bim_verify.bim_verify_addon.headless import save_blend
+from bim_verify.core import jobs
+from bim_verify.core.errors import BimVerifyError
+from bim_verify.core.files import all_or_none
+from bim_verify.core.reconstruction.building import (
+    MEASURED,
+    BuiltRoom,
+    BuiltSlab,
+    BuiltStorey,
+    BuiltWall,
+    FitRecord,
+    Reconstruction,
+)
+
+ops = bpy.ops.bim_verify
+
+
+@pytest.fixture
+def made(scan: Path) -> Reconstruction:
+    """One room with one wall and a floor."""
+    fit = FitRecord(0.001, 0.001, 0.9, 0.001, MEASURED, 1000)
+    wall = BuiltWall(
+        np.array([0.0, 0.0]), np.array([4.0, 0.0]), 0.2, box(0.0, -0.1, 4.0, 0.1), 0.0, 2.5, (), (None, None), (0,), False, fit
+    )
+    slab = BuiltSlab(box(0.0, 0.0, 4.0, 3.0), 0.0, 0.2, "FLOOR", fit)
+    storey = BuiltStorey("Storey 1", 0.0, 2.5, (wall,), (), (slab,), (BuiltRoom(box(0.0, 0.1, 4.0, 3.0), 0.0, 2.5, 0.001),))
+    return Reconstruction(np.zeros(3), (storey,), 2000, 1, (str(scan),))
+
+
+def test_what_was_made_becomes_the_model(
+    blender: bpy.types.Scene, scan: Path, made: Reconstruction, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    assert not ops.reconstruct.poll()
+    ops.import_scan(filepath=str(scan))
+    monkeypatch.setattr(jobs, "reconstruct", lambda *_: made)
+    assert ops.reconstruct(filepath=str(tmp_path / "made")) == {"FINISHED"}
+    written = ifcopenshell.open(str(tmp_path / "made.ifc"))
+    assert written.header.file_name.name == "made.ifc"
+    walls = {w.GlobalId for w in written.by_type("IfcWall")}
+    assert walls
+    assert walls <= set(scene.element_objects(blender))
+    assert blender.bim_verify.model_path == str(tmp_path / "made.ifc")
+    assert "1 rooms" in blender.bim_verify_reconstruct.summary
+
+
+def test_it_may_only_be_written(
+    blender: bpy.types.Scene, house: Path, scan: Path, made: Reconstruction, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    ops.import_ifc(filepath=str(house))
+    ops.import_scan(filepath=str(scan))
+    before = set(scene.element_objects(blender))
+    monkeypatch.setattr(jobs, "reconstruct", lambda *_: made)
+    assert ops.reconstruct(filepath=str(tmp_path / "made.ifc"), show=False) == {"FINISHED"}
+    assert set(scene.element_objects(blender)) == before
+    assert blender.bim_verify.model_path == str(house)
+    with pytest.raises(RuntimeError, match="never written"):
+        ops.reconstruct(filepath=str(house))
+
+
+def test_a_failure_leaves_file_and_scene(
+    blender: bpy.types.Scene, scan: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    ops.import_scan(filepath=str(scan))
+
+    def fail(*_: object) -> Reconstruction:
+        raise BimVerifyError("No storey was found.")
+
+    monkeypatch.setattr(jobs, "reconstruct", fail)
+    with pytest.raises(RuntimeError, match="No storey was found"):
+        ops.reconstruct(filepath=str(tmp_path / "made.ifc"))
+    assert list(tmp_path.iterdir()) == []
+    assert not scene.element_objects(blender)
+
+
+def test_a_blend_file_shows_it(blender: bpy.types.Scene, made: Reconstruction, tmp_path: Path) -> None:
+    with all_or_none():  # as the commands do
+        save_blend(made, tmp_path / "made.blend")
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "made.blend"))
+    assert scene.element_objects(bpy.context.scene)
