@@ -186,9 +186,8 @@ def _look(
     told = ~silent_view
     found.best.offer(row[told], state[told], station, seen.cosine[told], seen.distance[told], blocker[told])
     _quiet(found, silent, station, position, row[silent_view], relative[silent_view], samples, scene)
-    answered = state == SEEN
-    _count(tally, 1, seen.distance[answered], seen.cosine[answered])
-    _keep_surface(found, station, index, position, row, seen, answered, samples, edge)
+    _count(tally, 1, seen.distance[at], seen.cosine[at])
+    _keep_surface(found, station, index, position, row, seen, at, samples, edge)
 
 
 def _quiet(
