@@ -125,11 +125,7 @@ def show_quality(target: bpy.types.Scene, result: QualityResult, display: Survey
         Marker(s.name, s.position, s.elevation_min if s.returns else -math.pi / 3, f"{s.returns:,} returns")
         for s in result.stations
     ], planned=False)
-    summary = result.summary()
-    target[SUMMARY_KEY] = (
-        f"{summary['supporting']} of {summary['exposed_elements']} elements support LOA{result.options.loa}; "
-        f"{100 * summary['coverage']:.0f} % of the surface has returns."
-    )
+    target[SUMMARY_KEY] = result.headline
     return str(target[SUMMARY_KEY])
 
 

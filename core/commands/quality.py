@@ -67,11 +67,7 @@ def _quality(values: Values, progress: Progress) -> Outcome:
 
 def quality_lines(result: QualityResult) -> list[str]:
     """The result in a few lines for a person."""
-    summary = result.summary()
-    lines = [
-        f"{summary['supporting']} of {summary['exposed_elements']} elements that can be seen support "
-        f"LOA{result.options.loa}."
-    ]
+    lines = [result.headline]
     lines += [f"{factor.name}: {factor.text}." for factor in result.factors]
     missing = [f"{share:.1%} {cause}" for cause, share in result.whole.missing.items() if share >= 0.0005]
     if missing:
@@ -80,8 +76,8 @@ def quality_lines(result: QualityResult) -> list[str]:
         largest = result.clutter[0]
         middle = ", ".join(f"{0.5 * (a + b):.1f}" for a, b in zip(largest.low, largest.high, strict=True))
         lines.append(
-            f"{len(result.clutter)} things that are not in the model hide parts of it; the largest hides "
-            f"{largest.hidden_area:.1f} m2 near ({middle})."
+            f"Things that are not in the model and hide parts of it: {len(result.clutter)}; the largest hides "
+            f"{largest.hidden_area:.2f} m2 near ({middle})."
         )
     lines += [f"Note: {warning}" for warning in result.warnings[:5]]
     return lines

@@ -17,6 +17,7 @@ from ..model.raycast import RayScene
 from ..model.sample_surface import MOST, sample_surface
 from ..progress import Progress
 from ..quality.assess import Assessor
+from ..quality.built import find_built
 from ..quality.color import study_color
 from ..quality.edges import edge_distance
 from ..quality.faces import main_faces, number_faces
@@ -61,7 +62,11 @@ def quality(
         with ReturnStore(source, options.memory_gb, progress.part(0.2, 0.4)) as store:
             watch.lap("reading")
             stations = StationIndexes(store, model.origin)
-            found = survey(model, samples, stations, scene, edge, options, progress.part(0.4, 0.75))
+            face = number_faces(model)
+            sample_face = face[samples.triangle]
+            built = find_built(model, samples, face, stations, scene, options.window, progress.part(0.4, 0.45))
+            watch.lap("built faces")
+            found = survey(model, samples, stations, scene, edge, built.moved, options, progress.part(0.45, 0.75))
             counts = [store.count(s) for s in range(len(store.stations))]
         watch.lap("survey")
         if not (found.seen.any() or (found.best.state == 1).any()):
@@ -71,9 +76,10 @@ def quality(
             )
         positions = np.array(stations.position).reshape(-1, 3)
         names = tuple(s.name for s in store.stations)
-        blocked, clutter = find_occluders(model, samples, found, positions, scene, names, options.window)
-        face = number_faces(model)
-        sample_face = face[samples.triangle]
+        standing = RayScene(model, built.shift) if built.shift.any() else scene
+        blocked, clutter = find_occluders(
+            model, samples, found, positions, scene, standing, names, options.window, options.sample_spacing
+        )
         edges = study_edges(found, samples, scene, positions, sample_face, options.window)
         overlap = compare_stations(found, len(samples))
         everywhere = overlap.between(slice(None))

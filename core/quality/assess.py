@@ -59,13 +59,13 @@ class Assessor:
         loa = supported_loa(sigma, error, measured.coverage, Thresholds.partial_coverage)
         need = self._need(table, element.ifc_class, measured, sigma)
         actions = corrective_actions(measured, need)
-        hidden = self._hidden(rows)
+        hidden, offset = self._hidden(rows), self._offset(rows)
         return ElementQuality(
             global_id=element.global_id, ifc_class=element.ifc_class, name=element.name, storey=element.storey,
             measured=measured, edge_noise=edge.sigma if edge else None, edge_shape=edge.beta if edge else None,
             mixed_share=mixed, hidden=hidden, component=kind, predicted_error=error,
             gsa_level=gsa_level(error, measured.spacing, measured.coverage), supported_loa=loa, actions=actions,
-            reason=_reason(measured, hidden, error, need, self.options),
+            reason=_reason(measured, hidden, error, need, offset, self.options), built_offset=offset,
         )
 
     def patches(self, row: int, face_of: NDArray[np.int64]) -> list[PatchQuality]:
@@ -121,6 +121,12 @@ class Assessor:
             noise=sigma is not None and 2.0 * sigma > bound,
         )
 
+    def _offset(self, rows: NDArray[np.int64]) -> float | None:
+        moved = self.found.moved[rows]
+        faces, inverse = np.unique(moved, return_inverse=True)
+        area = np.bincount(inverse.ravel(), weights=self.samples.area[rows] * (moved != 0), minlength=len(faces))
+        return float(faces[np.argmax(area)]) if area.any() else None
+
     def _hidden(self, rows: NDArray[np.int64]) -> tuple[Hidden, ...]:
         """What hides parts of the element, largest first."""
         area: dict[tuple[str, str, int], float] = defaultdict(float)
@@ -144,18 +150,21 @@ class Assessor:
 
 
 def _reason(
-    measured: Measured, hidden: tuple[Hidden, ...], error: float | None, need: Need, options: QualityOptions
+    measured: Measured, hidden: tuple[Hidden, ...], error: float | None, need: Need, offset: float | None,
+    options: QualityOptions,
 ) -> str:
     if measured.area <= 0:
         return "Other elements cover its whole surface, so no scanner can see it."
     if measured.coverage <= 0:
         return f"No station has a return on it: {_largest(measured, hidden)}."
-    text = f"{measured.coverage:.0%} of its exposed surface has returns"
+    text = f"{measured.coverage:.0%} of its free surface has returns"
     if measured.spacing is not None:
         text += f", {1000 * measured.spacing:.1f} mm apart"
     if error is not None:
         text += f"; a model of it is expected to be {1000 * error:.1f} mm off"
     text += "."
+    if offset is not None:
+        text += f" It stands {1000 * abs(offset):.0f} mm off its plan and was measured there."
     if need.coverage:
         text += f" Of what is missing, most is {_largest(measured, hidden)}."
     if need.spacing > 1 and math.isfinite(need.spacing):

@@ -70,10 +70,15 @@ def _answer(
     scene: Scene, scanner: Scanner, direction: NDArray[np.float64], distance: NDArray[np.float64],
     cosine: NDArray[np.float64], owner: NDArray[np.int32],
 ) -> NDArray[np.int8]:
-    """What a surface in plain view sends back: directions (N, 3) in the sensor frame."""
+    """What a surface in plain view sends back: directions (N, 3) in the sensor frame.
+
+    Range, incidence and dullness weaken a return together. The cause is the one without which there would be a return:
+    absorbed, if a surface as bright as the scene's median one would answer from there; else too grazing, if that one would
+    answer head-on; else out of range.
+    """
     elevation = np.arcsin(np.clip(direction[:, 2], -1.0, 1.0))
     outside = (elevation < scanner.elevation_min) | (elevation > scanner.elevation_max)
-    usual = np.full(len(distance), 0.5)
+    usual = np.full(len(distance), float(np.median(scene.reflectance)))
     reflectance = scene.reflectance[owner] * (1.0 - scene.lost_share[owner])
     lost = (_returns(scanner, distance, cosine, reflectance) < LEAST_ANSWER) | (distance > scanner.range_max)
     state = np.full(len(distance), SEEN, np.int8)
