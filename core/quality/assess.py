@@ -64,7 +64,8 @@ class Assessor:
             global_id=element.global_id, ifc_class=element.ifc_class, name=element.name, storey=element.storey,
             measured=measured, edge_noise=edge.sigma if edge else None, edge_shape=edge.beta if edge else None,
             mixed_share=mixed, hidden=hidden, component=kind, predicted_error=error,
-            gsa_level=gsa_level(error, measured.spacing, measured.coverage), supported_loa=loa, actions=actions,
+            gsa_level=gsa_level(error, measured.spacing, measured.coverage, Thresholds.partial_coverage),
+            supported_loa=loa, actions=actions,
             reason=_reason(measured, hidden, error, need, offset, self.options), built_offset=offset,
         )
 

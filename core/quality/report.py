@@ -40,10 +40,10 @@ def write_quality_report(folder: str | Path, result: QualityResult) -> Path:
             [Area(f"{c.name}: hides {c.hidden_area:.1f} m2", c.low, c.high) for c in result.clutter[:MOST_CLUTTER]],
         )),
         Section(
-            "Elements", f"What is needed most comes first. {', '.join(f'{k}: {v}' for k, v in ACTIONS.items())}.",
+            "Elements", "What is needed most comes first. Spacing, noise, noise at edges and expected error of an as-built model in "
+            f"millimetres; incidence is its 95th percentile. {', '.join(f'{k}: {v}' for k, v in ACTIONS.items())}.",
             columns=(
-                "Element", "Coverage", "Spacing mm", "Noise mm", "Edge noise mm", "Incidence P95", "Model error mm", "GSA",
-                "LOA", "Action", "Why",
+                "Element", "Coverage", "Spacing", "Noise", "At edges", "Incidence", "Error", "GSA", "LOA", "Action", "Why",
             ),
             rows=[_element(e) for e in sorted(result.elements, key=_urgency)], numeric=frozenset(range(1, 9)),
         ),

@@ -179,7 +179,8 @@ def test_half_lost_finds_the_edge_from_which_on_most_are_lost() -> None:
 
 
 def test_levels() -> None:
-    assert gsa_level(0.002, 0.012, 1.0) == 4 and gsa_level(0.002, 0.02, 1.0) == 2 and gsa_level(0.06, 0.01, 1.0) == 0
+    assert gsa_level(0.002, 0.012, 1.0, 0.2) == 4 and gsa_level(0.002, 0.02, 1.0, 0.2) == 2
+    assert gsa_level(0.06, 0.01, 1.0, 0.2) == 0 and gsa_level(0.002, 0.012, 0.1, 0.2) == 0
     assert supported_loa(0.002, 0.001, 0.9, 0.2) == 40 and supported_loa(0.002, 0.012, 0.9, 0.2) == 30
     assert supported_loa(0.002, 0.001, 0.1, 0.2) is None
 
