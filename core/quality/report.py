@@ -40,7 +40,8 @@ def write_quality_report(folder: str | Path, result: QualityResult) -> Path:
             [Area(f"{c.name}: hides {c.hidden_area:.1f} m2", c.low, c.high) for c in result.clutter[:MOST_CLUTTER]],
         )),
         Section(
-            "Elements", "What is needed most comes first. Spacing, noise, noise at edges and expected error of an as-built model in "
+            "Elements",
+            "What is needed most comes first. Spacing, noise, noise at edges and expected error of an as-built model in "
             f"millimetres; incidence is its 95th percentile. {', '.join(f'{k}: {v}' for k, v in ACTIONS.items())}.",
             columns=(
                 "Element", "Coverage", "Spacing", "Noise", "At edges", "Incidence", "Error", "GSA", "LOA", "Action", "Why",
