@@ -3,7 +3,8 @@
     python scripts/bench_planning.py [--small] [--kept] [--room] [--model MODEL.ifc ...] [--loa 30]
 
 Small: random buildings where the optimum can be proven; the heuristic and the plan against it. Kept: plans that are
-simulated, verified and surveyed; each element must reach its target, and what was forecast is held against what came. Room: a large room with bays, planned by line of sight alone
+simulated, verified and surveyed; each element must reach its target, and the forecast is held against what came.
+Room: a large room with bays, planned by line of sight alone
 and with limits of range and incidence (Soudarissanane and Lindenbergh 2011: 5 stations become 19). Without a choice all.
 """
 
@@ -249,8 +250,9 @@ def compare(what: str, forecast: list[float], actual: list[float], unit: str) ->
     away = found[known] - predicted[known]
     together = np.corrcoef(predicted[known], found[known])[0, 1] if np.ptp(predicted[known]) > 1e-9 else math.nan
     print(
-        f"    {what}: {known.sum()} elements, forecast {predicted[known].mean():.3f}{unit}, found {found[known].mean():.3f}{unit} on "
-        f"average; mean difference {np.abs(away).mean():.3f}{unit}, from {away.min():+.3f} to {away.max():+.3f}{unit}; "
+        f"    {what}: {known.sum()} elements, forecast {predicted[known].mean():.3f}{unit}, found "
+        f"{found[known].mean():.3f}{unit} on average; mean difference {np.abs(away).mean():.3f}{unit}, "
+        f"from {away.min():+.3f} to {away.max():+.3f}{unit}; "
         f"correlation {together:.2f}"
     )
 
