@@ -41,7 +41,8 @@ class Columns:
 
     def rows(self, at: NDArray[np.int64]) -> Columns:
         """The points at rows ``at`` (K,)."""
-        return Columns(*(None if (c := getattr(self, f.name)) is None else c[at] for f in fields(self)))
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        return replace(self, **{name: values[at] for name, values in given.items() if values is not None})
 
 
 @dataclass(frozen=True)
