@@ -127,11 +127,7 @@ def show_quality(target: bpy.types.Scene, result: QualityResult, display: Survey
     ], planned=False)
     target.bim_verify.color_mode = MODE
     paint.refresh(target)
-    summary = result.summary()
-    target[SUMMARY_KEY] = (
-        f"{summary['supporting']} of {summary['exposed_elements']} elements support LOA{result.options.loa}; "
-        f"{100 * summary['coverage']:.0f} % of the surface has returns."
-    )
+    target[SUMMARY_KEY] = result.headline
     return str(target[SUMMARY_KEY])
 
 

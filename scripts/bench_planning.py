@@ -3,7 +3,8 @@
     python scripts/bench_planning.py [--small] [--kept] [--room] [--model MODEL.ifc ...] [--loa 30]
 
 Small: random buildings where the optimum can be proven; the heuristic and the plan against it. Kept: plans that are
-simulated and verified; each element must reach its target. Room: a large room with bays, planned by line of sight alone
+simulated, verified and surveyed; each element must reach its target, and the forecast is held against what came.
+Room: a large room with bays, planned by line of sight alone
 and with limits of range and incidence (Soudarissanane and Lindenbergh 2011: 5 stations become 19). Without a choice all.
 """
 
@@ -20,7 +21,7 @@ from headless_entry import package
 
 PACKAGE = package()
 
-from bim_verify.core.jobs import plan, verify  # noqa: E402
+from bim_verify.core.jobs import plan, quality, verify  # noqa: E402
 from bim_verify.core.model.elements import BuildingModel  # noqa: E402
 from bim_verify.core.model.load import load_model  # noqa: E402
 from bim_verify.core.model.sample_surface import sample_surface  # noqa: E402
@@ -31,6 +32,7 @@ from bim_verify.core.planning.outputs import write_plan_json  # noqa: E402
 from bim_verify.core.planning.targets import Targets, pick_targets  # noqa: E402
 from bim_verify.core.planning.visibility import Requirement, view_matrix, visibility_only  # noqa: E402
 from bim_verify.core.progress import Progress  # noqa: E402
+from bim_verify.core.quality.options import QualityOptions  # noqa: E402
 from bim_verify.core.simulation.box_building import Box, box, building_model, four_rooms  # noqa: E402
 from bim_verify.core.simulation.campaign import Campaign, scan_to_files, set_up  # noqa: E402
 from bim_verify.core.simulation.house import write_demo_house  # noqa: E402
@@ -39,7 +41,6 @@ from bim_verify.core.simulation.scene import build_scene  # noqa: E402
 from bim_verify.core.simulation.stations_file import read_stations  # noqa: E402
 
 SMALL_CASES = 20
-STEP_DEG = 0.2
 BAYS, BAY_M, DEPTH_M = 6, 8.0, 18.0
 
 
@@ -195,14 +196,14 @@ def kept(models: list[str], loa: int) -> None:
 
 
 def keep_one(folder: Path, title: str, model: BuildingModel, loa: int) -> None:
-    """Plan, write, read, simulate, verify, compare."""
-    options = PlanOptions(loa=loa)
+    """Plan, write, read, simulate with the scanner of the plan, verify, survey, compare."""
+    options = PlanOptions(loa=loa, scanner="fast")
     result = plan(model, options)
     write_plan_json(folder / "stations.json", result)
     stations = read_stations(folder / "stations.json")
     assert stations.scanner is not None
     campaign = Campaign(
-        model=model, scanner=dataclasses.replace(stations.scanner, angular_step=math.radians(STEP_DEG)),
+        model=model, scanner=stations.scanner,
         set_ups=tuple(
             set_up(s.name, s.position - model.origin, 1, k, (options.registration_sigma, 1e-5))
             for k, s in enumerate(stations.stations)
@@ -210,25 +211,50 @@ def keep_one(folder: Path, title: str, model: BuildingModel, loa: int) -> None:
         edits={}, props=(), seed=1,
     )
     scan = scan_to_files(campaign, folder / "scan.e57", None)
-    verified = verify(model, [scan.scan_path], VerifyOptions(loa=loa, sigma=0.0015, sample_spacing=0.05))
-    asked = [(f, v) for f, v in zip(result.forecasts, verified.verdicts, strict=True) if f.chosen and f.target > 0]
-    missed = [(f, v) for f, v in asked if v.coverage < f.target - 1e-6]
-    difference = np.array([v.coverage - f.coverage for f, v in asked])
-    belief = np.array([v.belief_occupied - f.belief for f, v in asked])
-    confirmed = sum(v.status == "CONFIRMED" for _, v in asked)
+    verified = verify(model, [scan.scan_path], VerifyOptions(loa=loa, sigma=0.0025, sample_spacing=0.05))
+    surveyed = quality(model, [scan.scan_path], QualityOptions(loa=loa))
+    asked = [row for row, f in enumerate(result.forecasts) if f.chosen and f.target > 0]
+    forecasts, verdicts = [result.forecasts[row] for row in asked], [verified.verdicts[row] for row in asked]
+    found = [surveyed.elements[row] for row in asked]
+    missed = [(f, v) for f, v in zip(forecasts, verdicts, strict=True) if v.coverage < f.target - 1e-6]
     print(
         f"{title}: {len(result.stations)} stations (at least {result.least}), LOA{loa}; {len(asked)} elements asked, "
-        f"{len(missed)} miss their coverage when simulated and verified (wanted: 0); {confirmed} CONFIRMED; coverage found "
-        f"{difference.mean():+.3f} against the forecast on average (lowest {difference.min():+.3f}), belief "
-        f"{belief.mean():+.3f} (lowest {belief.min():+.3f})", flush=True,
+        f"{len(missed)} miss their coverage when simulated and verified (wanted: 0); "
+        f"{sum(v.status == 'CONFIRMED' for v in verdicts)} CONFIRMED", flush=True,
+    )
+    compare("coverage", [f.coverage for f in forecasts], [v.coverage for v in verdicts], "")
+    compare("belief", [f.belief for f in forecasts], [v.belief_occupied for v in verdicts], "")
+    compare(
+        "spacing", [1000 * (f.spacing or math.nan) for f in forecasts],
+        [1000 * (q.measured.spacing or math.nan) for q in found], " mm",
+    )
+    levels = [(f.loa or 0, q.supported_loa or 0) for f, q in zip(forecasts, found, strict=True)]
+    print(
+        f"    level: forecast and supported by the scans are the same for {sum(a == b for a, b in levels)} of {len(levels)}, "
+        f"better than forecast for {sum(a < b for a, b in levels)}, worse for {sum(a > b for a, b in levels)}; LOA{loa} "
+        f"forecast for {sum(a >= loa for a, _ in levels)}, supported for {sum(b >= loa for _, b in levels)}"
     )
     for f, v in missed[:5]:
         print(
             f"    {f.ifc_class} {f.name}: target {f.target:.3f}, forecast {f.coverage:.3f}, verified {v.coverage:.3f}, "
             f"{v.status}"
         )
-    for f, v in [(f, v) for f, v in asked if v.status != "CONFIRMED"][:8]:
+    for f, v in [(f, v) for f, v in zip(forecasts, verdicts, strict=True) if v.status != "CONFIRMED"][:8]:
         print(f"    {f.ifc_class} {f.name}: forecast {f.coverage:.2f} LOA{f.loa}, {v.status}: {v.reason}")
+
+
+def compare(what: str, forecast: list[float], actual: list[float], unit: str) -> None:
+    """Print a forecast against what came of it, over the elements for which both are known."""
+    predicted, found = np.array(forecast), np.array(actual)
+    known = np.isfinite(predicted) & np.isfinite(found)
+    away = found[known] - predicted[known]
+    together = np.corrcoef(predicted[known], found[known])[0, 1] if np.ptp(predicted[known]) > 1e-9 else math.nan
+    print(
+        f"    {what}: {known.sum()} elements, forecast {predicted[known].mean():.3f}{unit}, found "
+        f"{found[known].mean():.3f}{unit} on average; mean difference {np.abs(away).mean():.3f}{unit}, "
+        f"from {away.min():+.3f} to {away.max():+.3f}{unit}; "
+        f"correlation {together:.2f}"
+    )
 
 
 if __name__ == "__main__":

@@ -95,7 +95,8 @@ def cause_campaigns(folder: Path, models: list[str]) -> dict[str, Callable[[], C
         "demo house": lambda: dataclasses.replace(
             demo_campaign(load_model(house), 5), edits={}, scanner=scanner(), glass="opaque"
         ),
-        "long hall, weak scanner": lambda: long_hall(scanner(weakest_power=0.15, range_max=60.0)),
+        "long hall, weak scanner": lambda: long_hall(scanner(weakest_power=0.15, range_max=60.0), 0.5),
+        "the same, bright and dull": lambda: long_hall(scanner(weakest_power=0.15, range_max=60.0), None),
     }
     for path in models:
         chosen[Path(path).name] = lambda path=path: crowded(load_model(path), 6, scanner())  # type: ignore[misc]
@@ -116,8 +117,8 @@ def darkened(campaign: Campaign) -> Campaign:
     return campaign
 
 
-def long_hall(instrument: Scanner) -> Campaign:
-    """A hall of 60 m with a scanner that reaches a part of it."""
+def long_hall(instrument: Scanner, reflectance: float | None) -> Campaign:
+    """A hall of 60 m with a scanner that reaches a part of it; all of one brightness, or each element of its own."""
     model = building_model([
         Box("floor", np.array([0.0, 0, -0.2]), np.array([60.0, 12, 0])),
         Box("roof", np.array([0.0, 0, 6.0]), np.array([60.0, 12, 6.3])),
@@ -132,7 +133,8 @@ def long_hall(instrument: Scanner) -> Campaign:
         model=model, scanner=instrument, set_ups=tuple(set_up(f"S{k}", p, 1, k) for k, p in enumerate(places)), edits={},
         props=(), seed=1,
     )
-    campaign.scene.reflectance[:] = 0.5  # else a bright wall is in range where a dark one is not, and neither name is wrong
+    if reflectance is not None:
+        campaign.scene.reflectance[:] = reflectance
     return campaign
 
 

@@ -20,7 +20,7 @@ DEFAULT = QualityOptions()
 
 def quality_options(values: Values) -> QualityOptions:
     """Options of a quality survey from a command's values."""
-    larger_than_zero(values, "spacing_mm", "patch_m", "window_mm")
+    larger_than_zero(values, "spacing_mm", "patch_m", "window_mm", "queries")
     if not 0 < values["coverage"] <= 1:
         raise BimVerifyError(f"--coverage must be a share, 0 to 1, not {values['coverage']:g}.")
     if not 0 < values["max_incidence"] < 90:
@@ -31,7 +31,7 @@ def quality_options(values: Values) -> QualityOptions:
     return QualityOptions(
         loa=values["loa"], sample_spacing=values["spacing_mm"] / 1000, patch_size=values["patch_m"],
         window=values["window_mm"] / 1000, max_incidence=math.radians(values["max_incidence"]), range_max=reach,
-        target_coverage=values["coverage"], **input_options(values),
+        target_coverage=values["coverage"], most_queries=values["queries"], **input_options(values),
     )
 
 
@@ -67,11 +67,7 @@ def _quality(values: Values, progress: Progress) -> Outcome:
 
 def quality_lines(result: QualityResult) -> list[str]:
     """The result in a few lines for a person."""
-    summary = result.summary()
-    lines = [
-        f"{summary['supporting']} of {summary['exposed_elements']} elements that can be seen support "
-        f"LOA{result.options.loa}."
-    ]
+    lines = [result.headline]
     lines += [f"{factor.name}: {factor.text}." for factor in result.factors]
     missing = [f"{share:.1%} {cause}" for cause, share in result.whole.missing.items() if share >= 0.0005]
     if missing:
@@ -80,8 +76,8 @@ def quality_lines(result: QualityResult) -> list[str]:
         largest = result.clutter[0]
         middle = ", ".join(f"{0.5 * (a + b):.1f}" for a, b in zip(largest.low, largest.high, strict=True))
         lines.append(
-            f"{len(result.clutter)} things that are not in the model hide parts of it; the largest hides "
-            f"{largest.hidden_area:.1f} m2 near ({middle})."
+            f"Things that are not in the model and hide parts of it: {len(result.clutter)}; the largest hides "
+            f"{largest.hidden_area:.2f} m2 near ({middle})."
         )
     lines += [f"Note: {warning}" for warning in result.warnings[:5]]
     return lines
@@ -97,6 +93,9 @@ COMMAND = Command(
         Argument("--loa", "level of accuracy that the scans should support", int, DEFAULT.loa, (10, 20, 30, 40, 50)),
         Argument("--coverage", "share of an element's surface that should have returns", float, DEFAULT.target_coverage),
         Argument("--spacing-mm", "distance between query positions, millimetres", float, 1000 * DEFAULT.sample_spacing),
+        Argument(
+            "--queries", "most query positions over all elements; the distance grows to keep to it", int, DEFAULT.most_queries
+        ),
         Argument("--patch-m", "size of the patches, metres", float, DEFAULT.patch_size),
         Argument(
             "--window-mm", "a return this close to the planned surface lies on it, millimetres", float, 1000 * DEFAULT.window

@@ -14,9 +14,10 @@ from ..evidence.collect import StationIndexes
 from ..evidence.registration import FALLBACK_M
 from ..model.elements import BuildingModel
 from ..model.raycast import RayScene
-from ..model.sample_surface import MOST, sample_surface
+from ..model.sample_surface import sample_surface
 from ..progress import Progress
 from ..quality.assess import Assessor
+from ..quality.built import find_built
 from ..quality.color import study_color
 from ..quality.edges import edge_distance
 from ..quality.faces import main_faces, number_faces
@@ -55,13 +56,20 @@ def quality(
         source = open_campaign(model, scans, options)
         progress.update(0.1, "Spreading query positions over the model")
         scene = RayScene(model)
-        samples = sample_surface(model, options.sample_spacing, scene=scene, cache=options.cache)
+        samples = sample_surface(
+            model, options.sample_spacing, scene=scene, most=options.most_queries, cache=options.cache
+        )
+        spacing = max(options.sample_spacing, math.sqrt(float(samples.area.sum()) / len(samples)))
         edge = edge_distance(model, samples, FARTHEST_EDGE_M)
         watch.lap("query positions")
         with ReturnStore(source, options.memory_gb, progress.part(0.2, 0.4)) as store:
             watch.lap("reading")
             stations = StationIndexes(store, model.origin)
-            found = survey(model, samples, stations, scene, edge, options, progress.part(0.4, 0.75))
+            face = number_faces(model)
+            sample_face = face[samples.triangle]
+            built = find_built(model, samples, face, stations, scene, options.window, progress.part(0.4, 0.45))
+            watch.lap("built faces")
+            found = survey(model, samples, stations, scene, edge, built.moved, options, progress.part(0.45, 0.75))
             counts = [store.count(s) for s in range(len(store.stations))]
         watch.lap("survey")
         if not (found.seen.any() or (found.best.state == 1).any()):
@@ -71,9 +79,10 @@ def quality(
             )
         positions = np.array(stations.position).reshape(-1, 3)
         names = tuple(s.name for s in store.stations)
-        blocked, clutter = find_occluders(model, samples, found, positions, scene, names, options.window)
-        face = number_faces(model)
-        sample_face = face[samples.triangle]
+        standing = RayScene(model, built.shift) if built.shift.any() else scene
+        blocked, clutter = find_occluders(
+            model, samples, found, positions, scene, standing, names, options.window, spacing
+        )
         edges = study_edges(found, samples, scene, positions, sample_face, options.window)
         overlap = compare_stations(found, len(samples))
         everywhere = overlap.between(slice(None))
@@ -87,7 +96,7 @@ def quality(
         ).astype(np.float64)
         assessor = Assessor(
             model, samples, found, blocked, clutter, overlap, edges, main_faces(model, face, seen_area), registration,
-            names, options,
+            names, positions, options,
         )
         elements, patches = [], list[PatchQuality]()
         for row in range(len(model.elements)):
@@ -106,7 +115,7 @@ def quality(
             whole=whole, samples=samples, survey=found, blocked=blocked, registration_sigma=registration,
             scan_paths=source.paths, scan_date=max((s.acquired for s in store.stations), default=""),
             method=f"bim_verify {__version__} quality", timings=watch.seconds,
-            warnings=tuple(_warnings(model, len(samples), math.isfinite(everywhere))),
+            warnings=tuple(_warnings(model, spacing, options, math.isfinite(everywhere))),
         )
 
 
@@ -128,12 +137,15 @@ def _stations(
         )
 
 
-def _warnings(model: BuildingModel, samples: int, overlapping: bool) -> Iterator[str]:
+def _warnings(model: BuildingModel, spacing: float, options: QualityOptions, overlapping: bool) -> Iterator[str]:
     if not overlapping:
         yield (
             f"No surface was seen from two stations, so how well they agree is not known; {1000 * FALLBACK_M:.0f} mm are "
             "assumed."
         )
-    if samples >= MOST:
-        yield "The model is so large that query positions lie farther apart than asked."
+    if spacing > 1.2 * options.sample_spacing:
+        yield (
+            f"Query positions lie {1000 * spacing:.0f} mm apart, not {1000 * options.sample_spacing:.0f} mm, to be no more "
+            f"than about {options.most_queries:,} (--queries)."
+        )
     yield from model.skipped

@@ -13,6 +13,7 @@ from ..evidence.thresholds import Thresholds
 from ..model.elements import BuildingModel
 from ..model.samples import SurfaceSamples
 from ..sensing.loa import UPPER_BOUND_M
+from .face_returns import FaceReturns, face_returns
 from .faces import Face
 from .levels import Need, corrective_actions, gsa_level, supported_loa
 from .measure import measure
@@ -34,12 +35,12 @@ class Assessor:
     def __init__(
         self, model: BuildingModel, samples: SurfaceSamples, found: Survey, blocked: Blocked,
         clutter: tuple[Clutter, ...], overlap: OverlapResiduals, edges: EdgeStudy, faces: list[Face | None],
-        registration: float, station_names: tuple[str, ...], options: QualityOptions,
+        registration: float, station_names: tuple[str, ...], positions: NDArray[np.float64], options: QualityOptions,
     ) -> None:
         self.model, self.samples, self.found, self.blocked = model, samples, found, blocked
         self.clutter, self.overlap, self.faces = clutter, overlap, faces
         self.registration, self.names, self.options = registration, station_names, options
-        self.spacing = found.spacing
+        self.spacing, self.positions = found.spacing, positions
         self.start = np.searchsorted(samples.element, np.arange(len(model.elements) + 1))
         order = np.argsort(edges.element, kind="stable")
         self._edge_residual = edges.residual[order]
@@ -53,19 +54,21 @@ class Assessor:
         edge, mixed = self._edges(row)
         kind = component_class(element.ifc_class)
         face = self.faces[row]
-        table = table_for(face, cache=self.options.cache) if face is not None and measured.coverage > 0 else None
-        error = self._error(table, element.ifc_class, measured)
+        returns = self._returns(face, rows)
+        table = table_for(face, cache=self.options.cache) if face is not None and returns is not None else None
+        error = self._error(table, element.ifc_class, returns)
         sigma = None if measured.noise is None else math.hypot(measured.noise, self.registration)
         loa = supported_loa(sigma, error, measured.coverage, Thresholds.partial_coverage)
-        need = self._need(table, element.ifc_class, measured, sigma)
+        need = self._need(table, element.ifc_class, returns, measured, sigma)
         actions = corrective_actions(measured, need)
-        hidden = self._hidden(rows)
+        hidden, offset = self._hidden(rows), self._offset(rows)
         return ElementQuality(
             global_id=element.global_id, ifc_class=element.ifc_class, name=element.name, storey=element.storey,
             measured=measured, edge_noise=edge.sigma if edge else None, edge_shape=edge.beta if edge else None,
             mixed_share=mixed, hidden=hidden, component=kind, predicted_error=error,
-            gsa_level=gsa_level(error, measured.spacing, measured.coverage), supported_loa=loa, actions=actions,
-            reason=_reason(measured, hidden, error, need, self.options),
+            gsa_level=gsa_level(error, measured.spacing, measured.coverage, Thresholds.partial_coverage),
+            supported_loa=loa, actions=actions,
+            reason=_reason(measured, hidden, error, need, offset, self.options), built_offset=offset,
         )
 
     def patches(self, row: int, face_of: NDArray[np.int64]) -> list[PatchQuality]:
@@ -101,25 +104,37 @@ class Assessor:
         known = np.isfinite(residual)
         return fit_general_gaussian(residual[known]), float(1.0 - known.mean())
 
-    def _error(self, table: ErrorTable | None, ifc_class: str, measured: Measured) -> float | None:
-        if table is None or measured.spacing is None or measured.noise is None:
+    def _returns(self, face: Face | None, rows: NDArray[np.int64]) -> FaceReturns | None:
+        if face is None:
             return None
-        error = table.expected(component_class(ifc_class), measured.spacing, measured.noise)
-        known = math.isfinite(error)
-        return with_registration(error, self.registration, measured.stations_median) if known else None
+        return face_returns(face, rows, self.samples, self.found, self.spacing, self.positions)
 
-    def _need(self, table: ErrorTable | None, ifc_class: str, measured: Measured, sigma: float | None) -> Need:
+    def _error(self, table: ErrorTable | None, ifc_class: str, returns: FaceReturns | None) -> float | None:
+        if table is None or returns is None:
+            return None
+        error = table.expected(component_class(ifc_class), returns.spacing, returns.noise, returns.across.tolist())
+        return with_registration(error, self.registration, returns.stations) if math.isfinite(error) else None
+
+    def _need(
+        self, table: ErrorTable | None, ifc_class: str, returns: FaceReturns | None, measured: Measured, sigma: float | None
+    ) -> Need:
         bound = UPPER_BOUND_M[self.options.loa]
         factor = 1.0
-        if table is not None and measured.spacing is not None and measured.noise is not None:
-            errors = [table.expected(component_class(ifc_class), s, measured.noise) for s in SPACINGS_M]
+        if table is not None and returns is not None:
+            errors = [table.expected(component_class(ifc_class), s, returns.noise) for s in SPACINGS_M]
             allowed = [s for s, e in zip(SPACINGS_M, errors, strict=True) if e <= bound]
-            factor = measured.spacing / max(allowed) if allowed else math.inf
+            factor = returns.spacing / max(allowed) if allowed else math.inf
         return Need(
             coverage=measured.area > 0 and measured.coverage < self.options.target_coverage,
             spacing=factor,
             noise=sigma is not None and 2.0 * sigma > bound,
         )
+
+    def _offset(self, rows: NDArray[np.int64]) -> float | None:
+        moved = self.found.moved[rows]
+        faces, inverse = np.unique(moved, return_inverse=True)
+        area = np.bincount(inverse.ravel(), weights=self.samples.area[rows] * (moved != 0), minlength=len(faces))
+        return float(faces[np.argmax(area)]) if area.any() else None
 
     def _hidden(self, rows: NDArray[np.int64]) -> tuple[Hidden, ...]:
         """What hides parts of the element, largest first."""
@@ -144,18 +159,21 @@ class Assessor:
 
 
 def _reason(
-    measured: Measured, hidden: tuple[Hidden, ...], error: float | None, need: Need, options: QualityOptions
+    measured: Measured, hidden: tuple[Hidden, ...], error: float | None, need: Need, offset: float | None,
+    options: QualityOptions,
 ) -> str:
     if measured.area <= 0:
         return "Other elements cover its whole surface, so no scanner can see it."
     if measured.coverage <= 0:
         return f"No station has a return on it: {_largest(measured, hidden)}."
-    text = f"{measured.coverage:.0%} of its exposed surface has returns"
+    text = f"{measured.coverage:.0%} of its free surface has returns"
     if measured.spacing is not None:
         text += f", {1000 * measured.spacing:.1f} mm apart"
     if error is not None:
         text += f"; a model of it is expected to be {1000 * error:.1f} mm off"
     text += "."
+    if offset is not None:
+        text += f" It stands {1000 * abs(offset):.0f} mm off its plan and was measured there."
     if need.coverage:
         text += f" Of what is missing, most is {_largest(measured, hidden)}."
     if need.spacing > 1 and math.isfinite(need.spacing):

@@ -19,7 +19,11 @@ def nine_factors(
     """Resolution, coverage, their consistency, registration, clarity, manageability, colour, accuracy and position."""
     return (
         _factor("Resolution", whole.spacing, "m", "median distance between returns on the surfaces seen", 1000, "mm"),
-        Factor("Coverage", whole.coverage, "1", f"{whole.coverage:.1%} of the exposed planned surface has returns"),
+        Factor(
+            "Coverage", whole.coverage, "1",
+            f"{whole.coverage:.1%} of the surface that neighbours leave free has returns, {whole.turned_away:.1%} faces no "
+            "station",
+        ),
         _factor(
             "Resolution consistency", whole.consistency, "1", "95th percentile of the spacing over its median", 1, "",
         ),

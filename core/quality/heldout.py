@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..model.raycast import RayScene
 from ..scans.campaign import ScanSource
+from .face_returns import face_returns
 from .faces import Face, main_faces, number_faces
 from .prediction import ComponentClass, table_for, with_registration
 from .remodel import MARGIN_M, remodel_face
@@ -18,7 +19,6 @@ LEAST_FILLED = 0.97
 """Share of its rectangle that a face must fill to have four sides."""
 LEAST_SEEN = 0.9
 SMALLEST_M = 0.08
-SEEN_ALONG = 0.98
 
 
 @dataclass(frozen=True)
@@ -68,21 +68,23 @@ def predicted_and_actual(result: QualityResult, source: ScanSource) -> list[Erro
     pairs = []
     scene = RayScene(model)
     for face, mine in zip(chosen, points, strict=True):
-        measured = result.elements[face.element].measured
-        if measured.spacing is None or measured.noise is None:
+        own = np.flatnonzero((samples.element == face.element) & samples.exposed)
+        returns = face_returns(face, own, samples, result.survey, result.survey.spacing, np.array(positions))
+        if returns is None:
             continue
         table = table_for(face, cache=result.options.cache)
-        surface, sides = remodel_face(face, np.concatenate(mine), measured.spacing, measured.noise, gate)
-        free = _free_sides(face, scene) & _seen_sides(face, result)
+        surface, sides = remodel_face(face, np.concatenate(mine), returns, gate)
+        free = _free_sides(face, scene) & returns.seen
         actual: dict[ComponentClass, float] = {"surface": surface}
         if free.any():
             actual["outline"] = float(np.hypot(surface, np.sqrt(2.0) * sides[free].mean()))
         for kind, error in actual.items():
             predicted = with_registration(
-                table.expected(kind, measured.spacing, measured.noise), result.registration_sigma, measured.stations_median
+                table.expected(kind, returns.spacing, returns.noise, returns.across[free].tolist()),
+                result.registration_sigma, returns.stations,
             )
             if np.isfinite(predicted) and np.isfinite(error):
-                pairs.append(ErrorPair(kind, predicted, error, measured.spacing))
+                pairs.append(ErrorPair(kind, predicted, error, returns.spacing))
     return pairs
 
 
@@ -106,18 +108,6 @@ def _free_sides(face: Face, scene: RayScene) -> NDArray[np.bool_]:
         shown, _ = scene.first_hit(within, np.broadcast_to(-normal, within.shape), 0.025)
         free[k] = bool((np.isinf(inward) & ~inside_solid & np.isfinite(shown)).all())
     return free
-
-
-def _seen_sides(face: Face, result: QualityResult) -> NDArray[np.bool_]:
-    """(4,) the sides beside which returns lie all along."""
-    samples = result.samples
-    own = np.flatnonzero(samples.element == face.element)
-    u, v, w = ((samples.position[own] - face.corner) @ face.axes.T).T
-    on = (np.abs(w) < 0.01) & (samples.normal[own] @ face.axes[2] > 0.9)
-    near_u, near_v = max(0.05, 0.1 * face.width), max(0.05, 0.1 * face.height)
-    seen = result.survey.seen[own]
-    strips = (u > face.width - near_u, u < near_u, v > face.height - near_v, v < near_v)
-    return np.array([bool((on & s).sum() >= 5 and seen[on & s].mean() >= SEEN_ALONG) for s in strips])
 
 
 def _points(

@@ -28,9 +28,9 @@ FINEST_GAIN = 4.0
 """Scanners offer steps up to about this many times finer than a usual one; a larger lack asks for a nearer position."""
 
 
-def gsa_level(error: float | None, spacing: float | None, coverage: float) -> int:
+def gsa_level(error: float | None, spacing: float | None, coverage: float, least_coverage: float) -> int:
     """Highest GSA level whose tolerance holds the error and whose artefact holds the spacing; 0 for none."""
-    if error is None or spacing is None or coverage <= 0:
+    if error is None or spacing is None or coverage < least_coverage:
         return 0
     return max((k for k in GSA_ERROR_M if error <= GSA_ERROR_M[k] and spacing <= GSA_ARTEFACT_M[k]), default=0)
 

@@ -23,7 +23,8 @@ def measure(
     area = samples.area[rows]
     total = float(area.sum())
     state = found.best.state[rows]
-    state = np.where((state == TURNED_AWAY) | (state == NO_STATION), OCCLUDED, state)
+    away = (state == TURNED_AWAY) | (state == NO_STATION)
+    state = np.where(away, OCCLUDED, state)
     seen = rows[found.seen[rows]]
     share = np.bincount(state, weights=area, minlength=NO_STATION + 1) / max(total, 1e-12)
     median, p95 = quantiles(spacing[seen], samples.area[seen], (0.5, 0.95))
@@ -44,6 +45,7 @@ def measure(
         range_median=distance, stations_median=stations,
         missing={name: float(share[code]) for code, name in CAUSES.items()},
         registration=registration if math.isfinite(registration) else None,
+        turned_away=float(area[away].sum()) / max(total, 1e-12),
     )
 
 

@@ -7,6 +7,7 @@ it was too far, or met too steeply; and where nothing of that holds, the surface
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,17 +81,21 @@ class Limits:
 
 
 def half_lost(tally: NDArray[np.int64], edges: Array, least: int = 60) -> float:
-    """The smallest edge from which on, in every bin with at least ``least`` views, fewer than half were answered.
+    """Where the share of answered views falls to one half for good, interpolated between the bins; infinite where it never
+    does.
 
-    tally (2, B): unanswered and answered views of the bins that begin at ``edges`` (B,); infinite where there is no such
-    edge.
+    tally (2, B): unanswered and answered views of the bins that begin at ``edges`` (B,), which grow by one factor; bins
+    with fewer than ``least`` views say nothing.
     """
-    limit = np.inf
     total = tally.sum(axis=0)
-    for k in range(len(total) - 1, -1, -1):
-        if total[k] < least:
-            continue
-        if tally[1, k] >= 0.5 * total[k]:
-            break
-        limit = float(edges[k])
-    return limit
+    known = np.flatnonzero(total >= least)
+    share = tally[1, known] / total[known]
+    answered = np.flatnonzero(share >= 0.5)
+    last = int(answered[-1]) if len(answered) else -1
+    if last == len(known) - 1:
+        return np.inf
+    middle = edges[known] * math.sqrt(float(edges[1] / edges[0]))
+    if last < 0:
+        return float(edges[known[0]])
+    part = (share[last] - 0.5) / (share[last] - share[last + 1])
+    return float(middle[last] * (middle[last + 1] / middle[last]) ** part)

@@ -14,11 +14,15 @@ from ..model.elements import BuildingModel
 from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from .missing import OCCLUDED, TURNED_AWAY
+from .planned_at import planned_at
 from .survey import Survey
 
-CLUTTER_VOXEL_M = 0.15
-"""Blocking returns in touching voxels of this size belong to one object."""
-GRAZE = 0.1
+GAP_SPACINGS = 2.0
+"""Blocking returns belong to one object across gaps of so many of their usual distances,"""
+GAP_M = (0.03, 0.15)
+"""within these bounds: closer things cannot be told apart, larger gaps lie between things."""
+FEWEST_RETURNS = 10
+"""Fewer are mixed pixels and strays, not an object."""
 
 
 @dataclass(frozen=True)
@@ -46,24 +50,30 @@ class Blocked:
 
 def find_occluders(
     model: BuildingModel, samples: SurfaceSamples, found: Survey, positions: NDArray[np.float64], scene: RayScene,
-    names: tuple[str, ...], window: float,
+    standing: RayScene, names: tuple[str, ...], window: float, spacing: float,
 ) -> tuple[Blocked, tuple[Clutter, ...]]:
-    """Name the occluder of every occluded sample. ``positions`` (S, 3) of the stations, local frame."""
+    """Name the occluder of every occluded sample. ``positions`` (S, 3) of the stations, local frame; ``scene`` is the plan,
+    ``standing`` the elements where they were found. A return within ``window`` of neither is a foreign thing's; ``spacing``
+    is that of the query positions. All in metres."""
     count = len(samples)
     element, clutter = np.full(count, -1, np.int32), np.full(count, -1, np.int32)
     state = found.best.state
     back = np.flatnonzero((state == TURNED_AWAY) & samples.exposed)
     element[back] = _first_element(scene, positions, found, samples, back)
     front = np.flatnonzero((state == OCCLUDED) & samples.exposed)
-    element[front] = _planned_at(scene, positions, found, front, window)
+    for known in (scene, standing):
+        left = front[element[front] < 0]
+        element[left] = planned_at(known, positions[found.best.station[left]], found.best.blocker[left], window)
     things = front[element[front] < 0]
     if not len(things):
         return Blocked(element, clutter), ()
     point = found.best.blocker[things]
-    label = _group(point)
+    label = _group(point, _gap(found, positions, things, spacing))
     area = np.bincount(label, weights=samples.area[things])
-    order = np.argsort(-area, kind="stable")
-    rank = np.empty(len(order), np.int32)
+    returns = np.bincount(label[np.unique(point, axis=0, return_index=True)[1]], minlength=len(area))
+    area[returns < FEWEST_RETURNS] = 0.0
+    order = np.argsort(-area, kind="stable")[: np.count_nonzero(area)]
+    rank = np.full(len(area), -1, np.int32)
     rank[order] = np.arange(len(order), dtype=np.int32)
     clutter[things] = rank[label]
     objects = []
@@ -90,30 +100,17 @@ def _first_element(
     return np.where(triangle >= 0, scene.element[triangle], samples.element[row]).astype(np.int32)
 
 
-def _planned_at(
-    scene: RayScene, positions: NDArray[np.float64], found: Survey, row: NDArray[np.int64], window: float
-) -> NDArray[np.int32]:
-    """(K,) the element whose planned surface the blocking return lies on, within ``window`` metres; -1 for none."""
-    point = found.best.blocker[row]
-    ray = point - positions[found.best.station[row]]
-    ray /= np.maximum(np.linalg.norm(ray, axis=1, keepdims=True), 1e-9)
-    back = window / GRAZE
-    hits = scene.all_hits(point - back * ray, ray, 2 * back, most=8)
-    nearest = np.full(len(row), window)
-    out = np.full(len(row), -1, np.int32)
-    for distance, triangle, entering in zip(hits.distance, hits.triangle, hits.entering, strict=True):
-        facing = np.abs(np.einsum("ij,ij->i", ray, scene.normal[triangle]))
-        with np.errstate(invalid="ignore"):
-            away = np.abs(distance - back) * np.maximum(facing, 0.0)
-        better = (triangle >= 0) & entering & (away < nearest)
-        nearest[better] = away[better]
-        out[better] = scene.element[triangle[better]]
-    return out
+def _gap(found: Survey, positions: NDArray[np.float64], row: NDArray[np.int64], spacing: float) -> float:
+    """Distance [m] across which blocking returns still belong together: the queries behind them are ``spacing`` apart, and
+    closer to the station the rays to them are closer to each other."""
+    reach = np.linalg.norm(found.best.blocker[row] - positions[found.best.station[row]], axis=1)
+    usual = float(np.median(spacing * reach / np.maximum(found.best.distance[row], 1e-9)))
+    return float(np.clip(GAP_SPACINGS * usual, *GAP_M))
 
 
-def _group(point: NDArray[np.float64]) -> NDArray[np.int64]:
-    """(N,) number of the object of each point: connected voxels."""
-    voxel = np.floor(point / CLUTTER_VOXEL_M).astype(np.int64)
+def _group(point: NDArray[np.float64], gap: float) -> NDArray[np.int64]:
+    """(N,) number of the object of each point: connected voxels of ``gap`` metres."""
+    voxel = np.floor(point / gap).astype(np.int64)
     used, inverse = np.unique(voxel, axis=0, return_inverse=True)
     pairs = cKDTree(used).query_pairs(1.75, output_type="ndarray")
     graph = coo_array((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), shape=(len(used), len(used)))

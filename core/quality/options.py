@@ -14,7 +14,9 @@ class QualityOptions(InputOptions):
     loa: int = 30
     """Level of accuracy that the campaign should support, 10 to 50."""
     sample_spacing: float = 0.05
-    """Distance between query positions: a shadow is resolved to about this."""
+    """Least distance between query positions: a shadow is resolved to about this."""
+    most_queries: int = 800_000
+    """Query positions over all elements; where the spacing would give more, it grows: shares of an element need no finer."""
     patch_size: float = 1.0
     """Edge of a patch, the unit of the table below the elements."""
     window: float = 0.05

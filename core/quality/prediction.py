@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -60,19 +61,20 @@ class ErrorTable:
     surface: Array
     outline: Array
 
-    def expected(self, kind: ComponentClass, spacing: float, noise: float) -> float:
+    def expected(self, kind: ComponentClass, spacing: float, noise: float, across: Sequence[float] = ()) -> float:
         """Mean error [m] of a component: of its plane, or of its corners (plane and two sides). NaN where unknown.
 
-        Bilinear in the spacing and the noise; beyond the ends of the table the end holds, below the smallest spacing it
-        goes on in proportion.
+        ``across``: distances between returns across the sides that are drawn; without them, the spacing. Bilinear in the
+        spacing and the noise; beyond the ends of the table the end holds, below the smallest spacing it goes on in
+        proportion.
         """
         if not (math.isfinite(spacing) and math.isfinite(noise)):
             return math.nan
         surface = _interpolate(self.surface, spacing, noise)
         if kind == "surface":
             return surface
-        shrink = min(spacing / SPACINGS_M[0], 1.0)
-        return math.hypot(surface, math.sqrt(2.0) * shrink * _interpolate(self.outline, spacing, noise))
+        sides = [min(s / SPACINGS_M[0], 1.0) * _interpolate(self.outline, s, noise) for s in across or (spacing,)]
+        return math.hypot(surface, math.sqrt(2.0) * sum(sides) / len(sides))
 
 
 def with_registration(error: float, registration: float, stations: float | None) -> float:
@@ -132,6 +134,7 @@ def _simulate(width, height, spacings, noises, shapes, edge_noise, edge_zone, se
         i, j = cell // len(noises), cell % len(noises)
         np.random.seed(seed * 1000 + cell)
         s = spacings[i]
+        apart = np.full(4, s)
         size = int(width / s + 2) * int(height / s + 2)
         runs = min(max(POINTS_PER_CELL // size, RUNS[0]), RUNS[1])
         total_surface, total_outline, good = 0.0, 0.0, 0
@@ -141,7 +144,7 @@ def _simulate(width, height, spacings, noises, shapes, edge_noise, edge_zone, se
             u, v, w = _scatter(width, height, s, first, noises[j], shapes[j], edge_noise, edge_zone)
             if len(u) < 4:
                 continue
-            e_surface, sides = remodel(u, v, w, width, height, s, GATE_NOISES * noises[j])
+            e_surface, sides = remodel(u, v, w, width, height, apart, apart, GATE_NOISES * noises[j])
             e_outline = sides.mean()
             if np.isfinite(e_surface) and np.isfinite(e_outline):
                 total_surface += e_surface

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from .face_returns import FaceReturns
 from .faces import Face
 
 Array = NDArray[np.float64]
@@ -18,8 +19,8 @@ LEAST_GATE_M = 0.001
 BAND_SPACINGS = 2.5
 """Width of the bands in which the outermost return is looked for."""
 OUTSIDE_SPACINGS = 0.4
-"""The edge lies this much beyond the outermost return of a band: half a spacing where rows run along the edge, 0.29
-where they cross it."""
+"""The edge lies so many spacings (across it) beyond the outermost return of a band: half a spacing where rows run along
+the edge, 0.29 where they cross it."""
 FEWEST = 12
 GATE_NOISES = 6.0
 """Returns this many times the noise around the median may lie on the surface."""
@@ -66,12 +67,12 @@ def fit_plane(u, v, w, gate):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def side_position(along, across, inlier, low, high, spacing):  # type: ignore[no-untyped-def]
+def side_position(along, across, inlier, low, high, spacing_along, spacing_across):  # type: ignore[no-untyped-def]
     """Where the points end towards larger ``across``: median over bands of ``along`` (low to high) of their outermost.
 
     NaN with fewer than one band that holds a point.
     """
-    width = max(BAND_SPACINGS * spacing, 0.01)
+    width = max(BAND_SPACINGS * spacing_along, 0.01)
     bands = max(int((high - low) / width), 1)
     outermost = np.full(bands, -1e30)
     for i in range(len(along)):
@@ -83,15 +84,16 @@ def side_position(along, across, inlier, low, high, spacing):  # type: ignore[no
     known = np.sort(outermost[outermost > -1e29])
     if len(known) == 0:
         return np.nan
-    return 0.5 * (known[(len(known) - 1) // 2] + known[len(known) // 2]) + OUTSIDE_SPACINGS * spacing
+    return 0.5 * (known[(len(known) - 1) // 2] + known[len(known) // 2]) + OUTSIDE_SPACINGS * spacing_across
 
 
 @njit(cache=True, nogil=True)
-def remodel(u, v, w, width, height, spacing, gate):  # type: ignore[no-untyped-def]
+def remodel(u, v, w, width, height, along, across, gate):  # type: ignore[no-untyped-def]
     """(surface error, errors of the right, left, top and bottom side) [m] of a rectangle modelled from points.
 
     The rectangle is 0..width x 0..height in the plane w = 0. The first number is the mean distance of the modelled plane
-    from the true one at the corners. NaN where the points do not carry a model.
+    from the true one at the corners. NaN where the points do not carry a model. ``along`` and ``across`` (4,) are the
+    distances between the points near each side.
     """
     sides = np.full(4, np.nan)
     a0, a1, a2, sigma, used = fit_plane(u, v, w, gate)
@@ -103,18 +105,20 @@ def remodel(u, v, w, width, height, spacing, gate):  # type: ignore[no-untyped-d
     limit = max(TRIM_SIGMAS * sigma, LEAST_GATE_M)
     inlier = np.abs(w - a0 - a1 * u - a2 * v) <= limit
     inset_u, inset_v = 0.05 * width, 0.05 * height
-    sides[0] = abs(side_position(v, u, inlier, inset_v, height - inset_v, spacing) - width)
-    sides[1] = abs(side_position(v, -u, inlier, inset_v, height - inset_v, spacing))
-    sides[2] = abs(side_position(u, v, inlier, inset_u, width - inset_u, spacing) - height)
-    sides[3] = abs(side_position(u, -v, inlier, inset_u, width - inset_u, spacing))
+    sides[0] = abs(side_position(v, u, inlier, inset_v, height - inset_v, along[0], across[0]) - width)
+    sides[1] = abs(side_position(v, -u, inlier, inset_v, height - inset_v, along[1], across[1]))
+    sides[2] = abs(side_position(u, v, inlier, inset_u, width - inset_u, along[2], across[2]) - height)
+    sides[3] = abs(side_position(u, -v, inlier, inset_u, width - inset_u, along[3], across[3]))
     return surface, sides
 
 
-def remodel_face(face: Face, points: Array, spacing: float, noise: float, window: float) -> tuple[float, Array]:
+def remodel_face(face: Face, points: Array, returns: FaceReturns, window: float) -> tuple[float, Array]:
     """``remodel`` of a planned face from returns (N, 3) [m, local frame] within ``window`` of its plane."""
     place = (points - face.corner) @ face.axes.T
     u, v, w = (np.ascontiguousarray(place[:, k]) for k in range(3))
     near = (np.abs(w) <= window) & (u >= -MARGIN_M) & (u <= face.width + MARGIN_M)
     near &= (v >= -MARGIN_M) & (v <= face.height + MARGIN_M)
-    surface, sides = remodel(u[near], v[near], w[near], face.width, face.height, spacing, GATE_NOISES * noise)
+    surface, sides = remodel(
+        u[near], v[near], w[near], face.width, face.height, returns.along, returns.across, GATE_NOISES * returns.noise
+    )
     return float(surface), sides

@@ -17,20 +17,22 @@ MOST_CLUTTER = 40
 
 def write_quality_report(folder: str | Path, result: QualityResult) -> Path:
     """Write ``index.html`` into ``folder`` (made if missing) and return its path; BimVerifyError where that fails."""
-    summary, model = result.summary(), result.model
-    headline = (
-        f"{summary['supporting']} of {summary['exposed_elements']} elements that can be seen support "
-        f"LOA{result.options.loa}; {percent(summary['coverage'])} of the exposed surface has returns."
-    )
+    model = result.model
     sections = [
         Section(
             "Nine factors", columns=("Factor", "What the returns say"),
             rows=[(f.name, f.text) for f in result.factors],
         ),
         Section(
-            "Missing surface", "Each place that no station sees is put down to the view that came closest to seeing it.",
-            columns=("Cause", "Share of the exposed surface"),
-            rows=[(name, f"{100 * result.whole.missing[name]:.1f} %") for name in CAUSES.values()], numeric=frozenset({1}),
+            "Missing surface",
+            "Free is what no other element touches or encloses. Each free place that no station sees is put down to the view "
+            "that came closest to seeing it.",
+            columns=("Cause", "Share of the free surface"),
+            rows=[
+                *((name, f"{100 * result.whole.missing[name]:.1f} %") for name in CAUSES.values()),
+                ("… of that, on sides that face no station", f"{100 * result.whole.turned_away:.1f} %"),
+            ],
+            numeric=frozenset({1}),
         ),
         Section("Stations and what stands before them", drawing=draw_floor_plan(
             model,
@@ -38,10 +40,11 @@ def write_quality_report(folder: str | Path, result: QualityResult) -> Path:
             [Area(f"{c.name}: hides {c.hidden_area:.1f} m2", c.low, c.high) for c in result.clutter[:MOST_CLUTTER]],
         )),
         Section(
-            "Elements", f"What is needed most comes first. {', '.join(f'{k}: {v}' for k, v in ACTIONS.items())}.",
+            "Elements",
+            "What is needed most comes first. Spacing, noise, noise at edges and expected error of an as-built model in "
+            f"millimetres; incidence is its 95th percentile. {', '.join(f'{k}: {v}' for k, v in ACTIONS.items())}.",
             columns=(
-                "Element", "Coverage", "Spacing mm", "Noise mm", "Edge noise mm", "Incidence P95", "Model error mm", "GSA",
-                "LOA", "Action", "Why",
+                "Element", "Coverage", "Spacing", "Noise", "At edges", "Incidence", "Error", "GSA", "LOA", "Action", "Why",
             ),
             rows=[_element(e) for e in sorted(result.elements, key=_urgency)], numeric=frozenset(range(1, 9)),
         ),
@@ -73,7 +76,7 @@ def write_quality_report(folder: str | Path, result: QualityResult) -> Path:
         ("Scanned", result.scan_date or "date not in the files"), ("Method", result.method),
     ]
     title = f"Scan quality of {model.project_name or Path(model.path).name}"
-    return write_page(folder, title, "Scan quality report", headline, meta, sections)
+    return write_page(folder, title, "Scan quality report", result.headline, meta, sections)
 
 
 def _urgency(element: ElementQuality) -> tuple[bool, bool, float]:

@@ -41,6 +41,8 @@ class Measured:
     """Cause -> share of the exposed surface; they and the coverage add up to 1."""
     registration: float | None
     """Standard deviation of a station against the others, along the normal, beyond noise."""
+    turned_away: float = 0.0
+    """Share of the exposed surface that faces no station; a part of what is occluded."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,8 @@ class ElementQuality:
     """Of AO, RA, RD, IN, IR."""
     reason: str
     """One or two sentences for a person."""
+    built_offset: float | None = None
+    """How far its largest face was found before its plan, along the normal, and measured there; None as planned."""
 
 
 @dataclass(frozen=True)
@@ -148,15 +152,29 @@ class QualityResult:
         """(E,) elements that support the level asked for."""
         return np.array([(e.supported_loa or 0) >= self.options.loa for e in self.elements], dtype=np.bool_)
 
+    @property
+    def headline(self) -> str:
+        """What the survey found, in two sentences."""
+        found = self.summary()
+        returns, free = found["elements_with_returns"], found["exposed_elements"]
+        without = f"; {free - returns} have no returns" if free > returns else ""
+        return (
+            f"{found['supporting']} of {free} elements support LOA{self.options.loa} where they were seen{without}. "
+            f"{self.whole.coverage:.0%} of the surface that neighbours leave free has returns; "
+            f"{self.whole.turned_away:.0%} of it faces no station."
+        )
+
     def summary(self) -> dict[str, Any]:
         """The few numbers of the whole."""
         seen = [e for e in self.elements if e.measured.area > 0]
         return {
             "elements": len(self.elements),
             "exposed_elements": len(seen),
+            "elements_with_returns": sum(e.measured.coverage > 0 for e in seen),
             "supporting": int(self.supported.sum()),
             "loa": self.options.loa,
             "coverage": self.whole.coverage,
+            "facing_no_station": self.whole.turned_away,
             "missing": self.whole.missing,
             "point_spacing_m": self.whole.spacing,
             "noise_m": self.whole.noise,

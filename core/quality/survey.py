@@ -64,6 +64,8 @@ class Survey:
     square_near: Array
     """The same near edges: of slender members there is nothing else."""
     freedom_near: Array
+    moved: Array
+    """How far the surface stands before its plan, along the normal; it is measured there."""
     overlap: list[Overlap]
     """One a station."""
     views: list[FieldOfView]
@@ -111,15 +113,18 @@ def survey(
     stations: StationIndexes,
     scene: RayScene,
     edge: Array,
+    moved: Array,
     options: QualityOptions,
     progress: Progress,
 ) -> Survey:
-    """Look at all exposed samples from all stations. ``edge`` (N,) is each sample's distance to the nearest edge [m]."""
+    """Look at all exposed samples from all stations. ``edge`` (N,) is each sample's distance to the nearest edge [m],
+    ``moved`` (N,) how far its surface stands before the plan [m]: there it is measured."""
     count = len(samples)
+    built = samples.position + moved[:, None] * samples.normal
     found = Survey(
         best=BestView.empty(count), density=np.zeros(count), stations=np.zeros(count, np.int16),
         square=np.zeros(count), freedom=np.zeros(count), square_near=np.zeros(count), freedom_near=np.zeros(count),
-        overlap=[Overlap() for _ in stations.stations], views=[],
+        moved=moved, overlap=[Overlap() for _ in stations.stations], views=[],
     )
     surfaces = ElementSurfaces(model)
     silent = _Silent()
@@ -129,7 +134,7 @@ def survey(
     for station, index, sector in stations.visit(SensorModel(0.0, 0.0), progress):
         counters[station].add(index.returns)
         position = stations.position[station]
-        relative = samples.position[exposed] - position
+        relative = built[exposed] - position
         row = exposed
         if sector is not None:
             azimuth = np.arctan2(relative[:, 1], relative[:, 0]) % (2 * np.pi)
@@ -152,7 +157,7 @@ def _look(
     index: StationIndex, position: Array, row: NDArray[np.int64], relative: Array, samples: SurfaceSamples,
     scene: RayScene, surfaces: ElementSurfaces, edge: Array, options: QualityOptions,
 ) -> None:
-    """Everything about one station (or one sector of it)."""
+    """Everything about one station (or one sector of it). ``relative`` (K, 3): from it to where the surface stands."""
     distance = np.linalg.norm(relative, axis=1)
     facing = np.einsum("ij,ij->i", relative, samples.normal[row]) < 0
     away = row[~facing]
@@ -185,10 +190,10 @@ def _look(
 
     told = ~silent_view
     found.best.offer(row[told], state[told], station, seen.cosine[told], seen.distance[told], blocker[told])
-    _quiet(found, silent, station, position, row[silent_view], relative[silent_view], samples, scene)
-    answered = state == SEEN
-    _count(tally, 1, seen.distance[answered], seen.cosine[answered])
-    _keep_surface(found, station, index, position, row, seen, answered, samples, edge)
+    quiet = row[silent_view]  # what the plan puts before them is asked where the plan puts them
+    _quiet(found, silent, station, position, quiet, samples.position[quiet] - position, samples, scene)
+    _count(tally, 1, seen.distance[at], seen.cosine[at])
+    _keep_surface(found, station, index, position, row, seen, at, samples, edge)
 
 
 def _quiet(
@@ -273,7 +278,7 @@ def _keep_surface(
     overlap.row.append(r[use])
     overlap.offset.append(seen.offset[at[use]])
     overlap.variance.append(seen.square[at[use]] / (seen.on[at[use]] - 3.0) / seen.on[at[use]])
-    near = np.flatnonzero(edge[r] <= 0.5 * reach)
+    near = np.flatnonzero((edge[r] <= 0.5 * reach) & (found.moved[r] == 0))  # edges are looked for where they are planned
     near = near[:: max(len(near) // EDGE_RETURNS, 1)]
     found.edge_point.append(position + index.returns[seen.nearest[at[near]]])
     found.edge_sample.append(r[near])

@@ -55,6 +55,7 @@ def quality_properties(quality: ElementQuality, result: QualityResult) -> dict[s
         "IncidenceP95": (angle, m.incidence_p95),
         "RangeMedian": (length, m.range_median),
         "RegistrationResidual": (length, m.registration),
+        "BuiltOffset": (length, quality.built_offset),
         "PredictedError": (length, quality.predicted_error),
         "GsaLevel": ("IfcInteger", quality.gsa_level),
         "SupportedLOA": ("IfcLabel", label(quality.supported_loa)),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +15,11 @@ from .scan_file import Columns
 Table = NDArray | Mapping[str, NDArray]
 """A structured array, or columns by name."""
 _INTENSITY = ("intensity", "scalar_intensity", "reflectance", "scalar_reflectance", "i")
+_ORIGINS = tuple(
+    (pattern.format("x"), pattern.format("y"), pattern.format("z"))
+    for pattern in ("{}_origin", "origin_{}", "{}origin", "scanner_{}", "sensor_{}", "scalar_{}_origin")
+)
+"""As mobile scanners' files call the place of the scanner."""
 _COLORS = (
     ("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"),
 )
@@ -27,6 +32,8 @@ class NamedFields:
     xyz: tuple[str, str, str]
     intensity: str | None
     rgb: tuple[str, str, str] | None
+    origin: tuple[str, str, str] | None = None
+    """Where the scanner was when it measured the point."""
 
     def columns(self, table: Table, attributes: bool) -> Columns:
         """Pick from a block of records: a structured array, or columns by name."""
@@ -36,7 +43,10 @@ class NamedFields:
             intensity = table[self.intensity].astype(np.float32)
         if attributes and self.rgb:
             color = np.column_stack([channel_bytes(table[name]) for name in self.rgb])
-        return Columns(x, y, z, intensity=intensity, color=color)
+        origin = None
+        if self.origin:
+            origin = np.column_stack([table[name].astype(np.float64) for name in self.origin])
+        return Columns(x, y, z, intensity=intensity, color=color, origin=origin)
 
 
 def channel_bytes(values: NDArray) -> NDArray[np.uint8]:
@@ -59,7 +69,17 @@ def find_fields(path: Path, names: list[str]) -> NamedFields:
         (spelled["x"], spelled["y"], spelled["z"]),
         next((spelled[name] for name in _INTENSITY if name in spelled), None),
         rgb,  # type: ignore[arg-type]
+        find_origin(names),
     )
+
+
+def find_origin(names: Sequence[str]) -> tuple[str, str, str] | None:
+    """The fields (in their own spelling) that say where the scanner was; None where there are none."""
+    spelled = {name.lower(): name for name in reversed(names)}
+    for x, y, z in _ORIGINS:
+        if {x, y, z} <= spelled.keys():
+            return spelled[x], spelled[y], spelled[z]
+    return None
 
 
 def read_binary(

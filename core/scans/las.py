@@ -10,6 +10,7 @@ import laspy
 import numpy as np
 
 from ..errors import BimVerifyError
+from .binary_records import find_origin
 from .campaign import Station
 from .scan_file import Columns, ScanFile, scan_frame_setup
 
@@ -41,7 +42,9 @@ class LasFile(ScanFile):
                         f"{path} is cut off: it declares {count:,} points and holds {max(room, 0):,}. "
                         "Copy or export it again."
                     )
-            self._has_color = "red" in set(header.point_format.dimension_names)
+            names = list(header.point_format.dimension_names)
+            self._has_color = "red" in names
+            self._origin = find_origin(names)
             date = header.creation_date
             sensor = str(header.system_identifier).strip()
         station = Station(
@@ -49,6 +52,7 @@ class LasFile(ScanFile):
             acquired=date.isoformat() if date else "",
         )
         super().__init__(path, [scan_frame_setup(station)], [count])
+        self.has_origins = self._origin is not None
         if self._has_color:
             self._wide_colors = self._colors_exceed_bytes()
 
@@ -65,7 +69,7 @@ class LasFile(ScanFile):
 
     def _points(self, block_size: int, attributes: bool) -> Iterator[laspy.ScaleAwarePointRecord]:
         done = 0
-        with self._open(self.path, attributes) as reader:
+        with self._open(self.path, attributes or self.has_origins) as reader:
             while done < self.point_count:
                 try:
                     points = reader.read_points(min(block_size, self.point_count - done))
@@ -91,6 +95,7 @@ class LasFile(ScanFile):
             yield Columns(
                 np.asarray(points.x), np.asarray(points.y), np.asarray(points.z),
                 invalid=np.asarray(points["withheld"]).astype(np.uint8), intensity=intensity, color=color,
+                origin=None if self._origin is None else np.column_stack([np.asarray(points[n]) for n in self._origin]),
             )
 
     def _cut_off(self, done: int) -> BimVerifyError:

@@ -52,6 +52,10 @@ def open_scan_file(path: str | Path, *, origin: Origin | None = None) -> ScanFil
         if not head:
             raise BimVerifyError(f"{place} is empty. Copy or export it again.")
         found = _reader(place, head)(place)
+        if found.has_origins:
+            from .mobile import MobileFile
+
+            return MobileFile(found)
         found.place_unknown(origin)
         if origin is not None and any(is_identity(station) for station in found.stations):
             found.replace_stations(impossible_stations(found), origin)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +64,7 @@ class PcdFile(ScanFile):
         if header.data == "binary":
             check_size(path, header.at, header.points, header.dtype)
         super().__init__(path, [scan_frame_setup(station)], [header.points])
+        self.has_origins = self._fields.origin is not None
 
     def columns(self, station: int, block_size: int, attributes: bool) -> Iterator[Columns]:
         header = self._header
@@ -80,7 +81,7 @@ class PcdFile(ScanFile):
                     order = np.arange(done, done + count)
                     row = (order // header.width).astype(np.int32)
                     column = (order % header.width).astype(np.int32)
-                found = Columns(found.x, found.y, found.z, None, found.intensity, color, row, column)
+                found = replace(found, color=color, row=row, column=column)
             done += count
             yield found
         if done < header.points:

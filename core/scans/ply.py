@@ -66,6 +66,7 @@ class PlyFile(ScanFile):
         self._at = at
         setup = scan_frame_setup(Station(path.stem, np.zeros(3), known=False))
         super().__init__(path, [setup], [self._vertex.count])
+        self.has_origins = self._fields.origin is not None
 
     def columns(self, station: int, block_size: int, attributes: bool) -> Iterator[Columns]:
         if not self._order:
@@ -91,7 +92,10 @@ class PlyFile(ScanFile):
                 color = np.column_stack(
                     [as_bytes(table[:, numbers[name]], full[name]) for name in self._fields.rgb]
                 )
-            yield Columns(x, y, z, intensity=intensity, color=color)
+            origin = None
+            if self._fields.origin:
+                origin = table[:, [numbers[name] for name in self._fields.origin]]
+            yield Columns(x, y, z, intensity=intensity, color=color, origin=origin)
         if done < self._vertex.count:
             raise cut_off(self.path, self._vertex.count, done)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +36,13 @@ class Columns:
     """(N, 3)"""
     row: NDArray[np.int32] | None = None
     column: NDArray[np.int32] | None = None
+    origin: NDArray[np.float64] | None = None
+    """(N, 3) where the scanner was, in the file's coordinates: clouds of mobile scanners name it for every point."""
+
+    def rows(self, at: NDArray[np.int64]) -> Columns:
+        """The points at rows ``at`` (K,)."""
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        return replace(self, **{name: values[at] for name, values in given.items() if values is not None})
 
 
 @dataclass(frozen=True)
@@ -102,6 +109,8 @@ class ScanFile(ABC):
     """One opened scan file. Readers give its setups and stream its raw columns; the rest is here."""
 
     format: str = ""
+    has_origins: bool = False
+    """Every point comes with the place that it was measured from (``Columns.origin``)."""
 
     def __init__(self, path: Path, setups: Sequence[Setup], points: Sequence[int]) -> None:
         self.path = path
@@ -141,24 +150,26 @@ class ScanFile(ABC):
         self._dropped = dropped = DropCount()
         returns = 0
         kept = np.empty(min(block_size, max(self.points_per_station)), np.int64)
-        for index in range(len(self.setups)):
-            if self.points_per_station[index] == 0:
-                continue
-            try:
-                for columns in self.columns(index, block_size, attributes):
-                    block = self._returns(index, columns, kept, dropped)
-                    if len(block.offsets):
-                        returns += len(block.offsets)
-                        yield block
-            except OSError as error:
-                raise BimVerifyError(
-                    f"Cannot read {self.path}: {error.strerror or error}. Check that it is still there."
-                ) from error
+        try:
+            for block in self._blocks(block_size, attributes, kept):
+                if len(block.offsets):
+                    returns += len(block.offsets)
+                    yield block
+        except OSError as error:
+            raise BimVerifyError(
+                f"Cannot read {self.path}: {error.strerror or error}. Check that it is still there."
+            ) from error
         if returns == 0:
             raise BimVerifyError(
                 f"{self.path} holds no valid return ({dropped.invalid} invalid, {dropped.zero} at zero, "
                 f"{dropped.not_finite} not finite). Export the scan again."
             )
+
+    def _blocks(self, block_size: int, attributes: bool, kept: NDArray[np.int64]) -> Iterator[ReturnBlock]:
+        for index in range(len(self.setups)):
+            if self.points_per_station[index]:
+                for columns in self.columns(index, block_size, attributes):
+                    yield self._returns(index, columns, kept, self._dropped)
 
     def _returns(self, index: int, columns: Columns, kept: NDArray[np.int64], dropped: DropCount) -> ReturnBlock:
         setup = self.setups[index]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..evidence.sightings import VISIBLE_SPACINGS
 from .campaign import Campaign
 from .scanner import Scanner
 from .scene import Scene
@@ -15,8 +17,9 @@ SEEN, SEEN_THROUGH, ABSORBED, GRAZING, OUT_OF_RANGE, OUTSIDE_VIEW, OCCLUDED = ra
 NAMES = ("seen", "seen through", "absorbed", "too grazing", "out of range", "outside the field of view", "occluded")
 SIGHT_TOLERANCE_M = 0.003
 STEEPEST_COS = np.cos(np.radians(80.0))
-LOST_POWER = 0.5
-"""A surface that answers fewer than half the beams counts as one that does not answer."""
+LEAST_ANSWER = 1.0 - 0.5 ** (1.0 / (math.pi * VISIBLE_SPACINGS**2))
+"""Share of beams that must come back for a place to be seen more often than not, that is for one of the beams to come back
+that pass it within ``VISIBLE_SPACINGS``: the rule by which the survey calls a place seen."""
 
 
 @dataclass(frozen=True)
@@ -67,17 +70,22 @@ def _answer(
     scene: Scene, scanner: Scanner, direction: NDArray[np.float64], distance: NDArray[np.float64],
     cosine: NDArray[np.float64], owner: NDArray[np.int32],
 ) -> NDArray[np.int8]:
-    """What a surface in plain view sends back: directions (N, 3) in the sensor frame."""
+    """What a surface in plain view sends back: directions (N, 3) in the sensor frame.
+
+    Range, incidence and dullness weaken a return together. The cause is the one without which there would be a return:
+    absorbed, if a surface as bright as the scene's median one would answer from there; else too grazing, if that one would
+    answer head-on; else out of range.
+    """
     elevation = np.arcsin(np.clip(direction[:, 2], -1.0, 1.0))
     outside = (elevation < scanner.elevation_min) | (elevation > scanner.elevation_max)
-    usual = np.full(len(distance), 0.5)
+    usual = np.full(len(distance), float(np.median(scene.reflectance)))
     reflectance = scene.reflectance[owner] * (1.0 - scene.lost_share[owner])
-    lost = (_returns(scanner, distance, cosine, reflectance) < LOST_POWER) | (distance > scanner.range_max)
+    lost = (_returns(scanner, distance, cosine, reflectance) < LEAST_ANSWER) | (distance > scanner.range_max)
     state = np.full(len(distance), SEEN, np.int8)
     state[lost] = ABSORBED
-    state[lost & (_returns(scanner, distance, cosine, usual) < LOST_POWER)] = GRAZING
+    state[lost & (_returns(scanner, distance, cosine, usual) < LEAST_ANSWER)] = GRAZING
     state[cosine < STEEPEST_COS] = GRAZING
-    head_on = _returns(scanner, distance, np.ones_like(cosine), usual) < LOST_POWER
+    head_on = _returns(scanner, distance, np.ones_like(cosine), usual) < LEAST_ANSWER
     state[lost & ((distance > scanner.range_max) | head_on)] = OUT_OF_RANGE
     state[outside] = OUTSIDE_VIEW
     return state

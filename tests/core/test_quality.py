@@ -171,12 +171,16 @@ def test_general_gaussian_is_found(beta: float) -> None:
 
 def test_half_lost_finds_the_edge_from_which_on_most_are_lost() -> None:
     tally = np.array([[0, 5, 80, 95, 100], [100, 95, 20, 5, 0]])
-    assert half_lost(tally, np.arange(5.0)) == 2.0
-    assert half_lost(tally[::-1], np.arange(5.0)) == math.inf
+    edges = np.geomspace(1.0, 16.0, 5)
+    # 95 of 100 are answered in the bin around 2.83, 20 of 100 in the next: one half lies 0.6 bins on
+    assert half_lost(tally, edges) == pytest.approx(2**1.5 * 2 ** (0.45 / 0.752), rel=0.01)
+    assert half_lost(tally[::-1], edges) == math.inf
+    assert half_lost(np.array([[80, 100], [20, 0]]), edges[:2]) == 1.0
 
 
 def test_levels() -> None:
-    assert gsa_level(0.002, 0.012, 1.0) == 4 and gsa_level(0.002, 0.02, 1.0) == 2 and gsa_level(0.06, 0.01, 1.0) == 0
+    assert gsa_level(0.002, 0.012, 1.0, 0.2) == 4 and gsa_level(0.002, 0.02, 1.0, 0.2) == 2
+    assert gsa_level(0.06, 0.01, 1.0, 0.2) == 0 and gsa_level(0.002, 0.012, 0.1, 0.2) == 0
     assert supported_loa(0.002, 0.001, 0.9, 0.2) == 40 and supported_loa(0.002, 0.012, 0.9, 0.2) == 30
     assert supported_loa(0.002, 0.001, 0.1, 0.2) is None
 

@@ -1,0 +1,92 @@
+"""Clouds of mobile scanners: per-point places of the scanner become stations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import laspy
+import numpy as np
+import pytest
+
+from bim_verify.core.errors import BimVerifyError
+from bim_verify.core.jobs import quality
+from bim_verify.core.quality.options import QualityOptions
+from bim_verify.core.scans.mobile import STRETCH_M
+from bim_verify.core.scans.open import open_scans
+from bim_verify.core.scans.write_ply import write_ply
+from bim_verify.core.simulation.box_building import box, building_model
+from bim_verify.core.simulation.scene import build_scene
+
+ORIGIN = np.array([1000.0, 2000.0, 30.0])
+ROOM = [
+    box("floor", (-0.2, -0.2, -0.2), (6.2, 5.2, 0.0)), box("ceiling", (-0.2, -0.2, 2.8), (6.2, 5.2, 3.0)),
+    box("south", (0.0, -0.2, 0.0), (6.0, 0.0, 2.8)), box("north", (0.0, 5.0, 0.0), (6.0, 5.2, 2.8)),
+    box("west", (-0.2, -0.2, 0.0), (0.0, 5.2, 2.8)), box("east", (6.0, -0.2, 0.0), (6.2, 5.2, 2.8)),
+]
+
+
+def walk() -> tuple[np.ndarray, np.ndarray]:
+    """Returns (N, 3) and places (N, 3), model frame: a walk along the room with profiles across and along it."""
+    model = building_model(ROOM, origin=tuple(ORIGIN))
+    scene = build_scene(model)
+    points, places = [], []
+    turn = np.radians(np.arange(0.0, 360.0, 1.5))
+    for k, x in enumerate(np.arange(0.7, 5.3, 0.02)):
+        lean = np.radians(40.0) * np.sin(0.7 * k)  # a profile that wobbles, as a hand-held one does
+        ray = np.column_stack([np.sin(lean) * np.cos(turn), np.cos(lean) * np.cos(turn), np.sin(turn)])
+        place = np.array([x, 2.5, 1.5]) + ORIGIN - model.origin
+        distance = scene.cast(place, ray).distance
+        points.append(place + distance[:, None] * ray + model.origin)
+        places.append(np.broadcast_to(place + model.origin, ray.shape))
+    return np.concatenate(points), np.concatenate(places)
+
+
+def write(path: Path, point: np.ndarray, place: np.ndarray) -> Path:
+    if path.suffix == ".ply":
+        names = ("x_origin", "y_origin", "z_origin")
+        write_ply(path, {**dict(zip("xyz", point.T, strict=True)), **dict(zip(names, place.T, strict=True))})
+        return path
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales, header.offsets = np.full(3, 1e-5), np.floor(point.min(axis=0))
+    for name in "xyz":
+        header.add_extra_dim(laspy.ExtraBytesParams(f"origin_{name}", np.float64))
+    cloud = laspy.LasData(header)
+    cloud.x, cloud.y, cloud.z = point.T
+    for name, values in zip("xyz", place.T, strict=True):
+        setattr(cloud, f"origin_{name}", values)
+    cloud.write(path)
+    return path
+
+
+@pytest.mark.parametrize("suffix", ["ply", "las", "laz"])
+def test_stretches_of_the_path_become_stations(tmp_path: Path, suffix: str) -> None:
+    point, place = walk()
+    source = open_scans([write(tmp_path / f"walk.{suffix}", point, place)])
+    assert 5 <= len(source.stations) <= 7 and all(s.known for s in source.stations)
+    spots = np.array([s.position for s in source.stations])
+    assert (np.diff(spots[:, 0]) > 0.5 * STRETCH_M).all()
+    found = np.concatenate([b.offsets + source.stations[b.station].position for b in source.blocks(5000)])
+    assert len(found) == len(point) == source.point_count
+    order, own = np.lexsort(np.round(found.T, 3)), np.lexsort(np.round(point.T, 3))
+    assert np.abs(np.sort(found[order], axis=0) - np.sort(point[own], axis=0)).max() < 2e-5
+    nearest = np.abs(place[:, None, 0] - spots[None, :, 0]).min(axis=1)
+    assert nearest.max() <= STRETCH_M
+
+
+def test_places_that_are_not_finite_are_dropped(tmp_path: Path) -> None:
+    point, place = walk()
+    place = place.copy()
+    place[::3] = np.nan
+    source = open_scans([write(tmp_path / "walk.ply", point, place)])
+    assert sum(len(b.offsets) for b in source.blocks()) == np.isfinite(place[:, 0]).sum()
+    with pytest.raises(BimVerifyError, match="no finite scanner position"):
+        open_scans([write(tmp_path / "none.ply", point, np.full_like(place, np.nan))])
+
+
+def test_quality_of_a_walk_says_what_was_covered(tmp_path: Path) -> None:
+    point, place = walk()
+    model = building_model(ROOM, origin=tuple(ORIGIN))
+    result = quality(model, [write(tmp_path / "walk.ply", point, place)], QualityOptions(sample_spacing=0.1, cache=False))
+    covered = {e.name: e.measured.coverage / (1.0 - e.measured.turned_away) for e in result.elements}
+    assert covered["north"] > 0.9 and covered["south"] > 0.9 and covered["floor"] > 0.85
+    assert len(result.stations) >= 5
