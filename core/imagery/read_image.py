@@ -31,6 +31,7 @@ def read_grey(path: str | Path, size: tuple[int, int] | None = None) -> NDArray[
                 )
             return np.asarray(image.convert("L"), dtype=np.uint8)
     except OSError as error:
-        raise BimVerifyError(f"Cannot read {source} as an image: {error.strerror or 'unknown format'}. Check the file.") from error
+        reason = error.strerror or "unknown format"
+        raise BimVerifyError(f"Cannot read {source} as an image: {reason}. Check the file.") from error
     except (Image.DecompressionBombError, ValueError, SyntaxError) as error:
         raise BimVerifyError(f"Cannot read {source} as an image ({str(error)[:80]}). Export it again.") from error

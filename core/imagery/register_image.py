@@ -39,7 +39,9 @@ TEST = 13.8
 """Chi-square of two degrees at 99.9 %: matches beyond it, scaled by the variance factor, are taken out."""
 MOST_OUT = 0.5
 LOOKS = 2
-AMBIGUOUS = 0.85
+FARTHEST = 35.0
+"""Chi-square of six degrees that is never reached: a pose beyond it contradicts the coarse one."""
+AMBIGUOUS = 0.9
 """A different pose that explains this share of what the best one does makes the result ambiguous."""
 
 
@@ -102,7 +104,7 @@ def register_image(
         return replace(nothing, note=f"The model shows only {len(before)} edges to this camera; check its coarse pose.")
     if len(lines) < LEAST_LINES:
         return replace(nothing, note=f"The image has only {len(lines)} straight lines.")
-    found = _search(before, lines, coarse, model_sigma, reach, seed)
+    found = search_pose(before, lines, coarse, model_sigma, reach, seed)
     if found is None:
         return replace(nothing, note="No pose near the coarse one explains the lines; check the coarse pose and its sigma.")
     pose, runner_up = found
@@ -112,16 +114,22 @@ def register_image(
     after, explained = before, 0.0
     for _ in range(LOOKS):
         after = viewer.look(known.camera)
-        pairs = _rematch(after, lines, known, model_sigma)
+        pairs = match_lines(after, lines, known, model_sigma)
         if pairs is None:
             return replace(nothing, note="Too few lines lie on edges of the model to determine a pose.")
         known, best, explained = pairs
         try:
-            estimate, matches = _adjust(after, lines, best, known, coarse, model_sigma, focal)
+            estimate, matches = adjust_matches(after, lines, best, known, coarse, model_sigma, focal)
         except BimVerifyError as error:
             return replace(nothing, note=str(error))
         known = replace(known, camera=estimate.camera)
     assert estimate is not None
+    away = pose_difference(estimate.camera, camera)
+    if (away[:3] @ away[:3]) / coarse.rotation_sigma**2 + (away[3:] @ away[3:]) / coarse.position_sigma**2 > FARTHEST:
+        return replace(nothing, note=(
+            f"The lines put the camera {np.linalg.norm(away[3:]):.2f} m and {math.degrees(np.linalg.norm(away[:3])):.1f} deg from "
+            "the coarse pose, which its sigma does not allow; check the coarse pose and its sigma."
+        ))
     weak = weak_directions(estimate, PosePrior(coarse.rotation_sigma, coarse.position_sigma))
     note = ""
     if runner_up > AMBIGUOUS:
@@ -153,7 +161,7 @@ def _candidates(allowed: NDArray[np.bool_]) -> tuple[Ints, Ints]:
     return first, line.astype(np.int64)
 
 
-def _search(
+def search_pose(
     edges: VisibleEdges, lines: ImageLines, coarse: KnownCamera, model_sigma: float, slack: float, seed: int
 ) -> tuple[Camera, float] | None:
     """The pose near the coarse one that explains most, and what the best different pose explains of that."""
@@ -197,7 +205,7 @@ def _same(pose: Camera, other: Camera) -> bool:
     return bool(np.linalg.norm(away[:3]) < SAME_POSE_RAD and np.linalg.norm(away[3:]) < SAME_POSE_M)
 
 
-def _rematch(
+def match_lines(
     edges: VisibleEdges, lines: ImageLines, known: KnownCamera, model_sigma: float
 ) -> tuple[KnownCamera, Ints, float] | None:
     """Every visible edge with the lines that lie on it now; the pose, the (E, L) matches, the share explained."""
@@ -221,16 +229,16 @@ def _rematch(
     return replace(known, camera=replace(camera, rotation=r, position=x)), best, share
 
 
-def _adjust(
+def adjust_matches(
     edges: VisibleEdges, lines: ImageLines, best: Ints, known: KnownCamera, coarse: KnownCamera, model_sigma: float,
     focal: bool,
 ) -> tuple[PoseEstimate, tuple[MatchedLine, ...]]:
     """The rigorous adjustment; matches that do not fit it are taken out one after the other."""
     edge = _one_line_each(np.flatnonzero(best >= 0), best, edges, lines)
     line = best[edge]
-    l, cov = line_with_covariance(lines.start[line], lines.end[line], lines.offset_sigma[line], lines.angle_sigma[line])
+    line_of, cov = line_with_covariance(lines.start[line], lines.end[line], lines.offset_sigma[line], lines.angle_sigma[line])
     model = np.tile(np.eye(3) * model_sigma**2, (len(edge), 1, 1))
-    matches = LineMatches(l, cov, edges.start[edge], edges.end[edge], model, model)
+    matches = LineMatches(line_of, cov, edges.start[edge], edges.end[edge], model, model)
     kept = np.ones(len(edge), dtype=np.bool_)
     tests = np.full(len(edge), np.nan)
     element = edges.element[edge]
