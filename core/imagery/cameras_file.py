@@ -54,20 +54,32 @@ class CameraList:
 
 
 def read_cameras(path: str | Path) -> CameraList:
-    """Read a cameras file (docs/photos.md describes it). Raises BimVerifyError."""
+    """Read a cameras file (docs/photos.md describes it), or a Metashape XML export. Raises BimVerifyError."""
     source = Path(path)
+    if source.suffix.lower() == ".xml":
+        from .metashape import read_metashape_cameras
+
+        return CameraList(tuple(KnownCamera(camera) for camera in read_metashape_cameras(source)))
     content = read_json(source, "a cameras file")
-    entries = content.get("cameras") or content.get("images")
-    if not isinstance(entries, list) or not entries:
-        raise BimVerifyError(f'{source} holds no list of cameras; write {{"cameras": [{{"image": "a.jpg", ...}}]}}.')
     frame = content.get("frame", "model")
     if frame not in ("model", "map"):
         raise BimVerifyError(f"{source} gives the frame {str(frame)[:40]!r}; it must be model or map.")
+    return CameraList(_entries(content, source), frame)
+
+
+def read_camera_entries(content: dict[str, Any], source: Path) -> tuple[Camera, ...]:
+    """The cameras of a JSON object that has them as a cameras file has."""
+    return tuple(known.camera for known in _entries(content, source))
+
+
+def _entries(content: dict[str, Any], source: Path) -> tuple[KnownCamera, ...]:
+    entries = content.get("cameras") or content.get("images")
+    if not isinstance(entries, list) or not entries:
+        raise BimVerifyError(f'{source} holds no list of cameras; write {{"cameras": [{{"image": "a.jpg", ...}}]}}.')
     shared = content.get("interiors", {})
     if not isinstance(shared, dict):
         raise BimVerifyError(f"{source}: interiors must be an object of named interior orientations.")
-    cameras = tuple(_known(entry, index, content, shared, source) for index, entry in enumerate(entries))
-    return CameraList(cameras, frame)
+    return tuple(_known(entry, index, content, shared, source) for index, entry in enumerate(entries))
 
 
 def read_json(source: Path, what: str) -> dict[str, Any]:

@@ -127,8 +127,8 @@ def register_image(
     away = pose_difference(estimate.camera, camera)
     if (away[:3] @ away[:3]) / coarse.rotation_sigma**2 + (away[3:] @ away[3:]) / coarse.position_sigma**2 > FARTHEST:
         return replace(nothing, note=(
-            f"The lines put the camera {np.linalg.norm(away[3:]):.2f} m and {math.degrees(np.linalg.norm(away[:3])):.1f} deg from "
-            "the coarse pose, which its sigma does not allow; check the coarse pose and its sigma."
+            f"The lines put the camera {np.linalg.norm(away[3:]):.2f} m and {math.degrees(np.linalg.norm(away[:3])):.1f} deg "
+            "from the coarse pose, which its sigma does not allow; check the coarse pose and its sigma."
         ))
     weak = weak_directions(estimate, PosePrior(coarse.rotation_sigma, coarse.position_sigma))
     note = ""

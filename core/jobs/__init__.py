@@ -1,10 +1,9 @@
 """Files to results: what every face of the project calls. One module a job."""
 
 from .change_detection import change
-from .coregister import coregister
 from .plan import plan
 from .quality import quality
 from .reconstruct import reconstruct
 from .verification import align_scans, verify
 
-__all__ = ["align_scans", "change", "coregister", "plan", "quality", "reconstruct", "verify"]
+__all__ = ["align_scans", "change", "plan", "quality", "reconstruct", "verify"]

@@ -120,7 +120,7 @@ def test_cameras_files_are_read_in_every_form_and_refused_in_a_sentence(tmp_path
 
 def test_what_is_no_image_is_refused_in_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "room.png").write_text("no image")
-    with pytest.raises(BimVerifyError, match="Cannot read .* as an image"):
+    with pytest.raises(BimVerifyError, match=r"Cannot read .* as an image"):
         coregister(room(), [tmp_path / "room.png"], CameraList((KnownCamera(camera()),)))
     Image.new("L", (64, 48)).save(tmp_path / "room.png")
     with pytest.raises(BimVerifyError, match="64 x 48 pixels"):

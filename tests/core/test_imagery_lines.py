@@ -63,7 +63,8 @@ def test_edges_on_one_line_that_touch_are_one() -> None:
 
 def test_hidden_edges_and_flush_joints_are_not_seen() -> None:
     model = building_model([
-        box("left", (-1, 3, 0), (0, 3.2, 2)), box("right", (0, 3, 0), (1, 3.2, 2)), box("behind", (-0.5, 4, 0.5), (0.5, 4.5, 1.5)),
+        box("left", (-1, 3, 0), (0, 3.2, 2)), box("right", (0, 3, 0), (1, 3.2, 2)),
+        box("behind", (-0.5, 4, 0.5), (0.5, 4.5, 1.5)),
     ])
     edges = sharp_edges(model)
     view = camera().moved(np.zeros(3), np.zeros(3))
