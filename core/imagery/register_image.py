@@ -41,7 +41,7 @@ MOST_OUT = 0.5
 LOOKS = 2
 FARTHEST = 35.0
 """Chi-square of six degrees that is never reached: a pose beyond it contradicts the coarse one."""
-AMBIGUOUS = 0.9
+AMBIGUOUS = 0.93
 """A different pose that explains this share of what the best one does makes the result ambiguous."""
 
 

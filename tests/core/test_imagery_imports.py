@@ -52,14 +52,16 @@ def write_colmap(folder: Path, problem: BundleProblem, binary: bool) -> None:
             rows = o.camera == k
             data += struct.pack("<I7dI", k + 1, *q, *t, 7) + problem.cameras[k].name.encode() + b"\0"
             data += struct.pack("<Q", rows.sum())
-            data += b"".join(struct.pack("<ddq", *(xy + 0.5), 100 + i) for xy, i in zip(o.pixel[rows], o.point[rows], strict=True))
+            seen = zip(o.pixel[rows], o.point[rows], strict=True)
+            data += b"".join(struct.pack("<ddq", *(xy + 0.5), 100 + i) for xy, i in seen)
         (folder / "images.bin").write_bytes(data)
         data = struct.pack("<Q", len(problem.points))
         for i, x in enumerate(problem.points):
             data += struct.pack("<Q3d3BdQ2I", 100 + i, *x, 1, 2, 3, 0.5, 1, 1, 0)
         (folder / "points3D.bin").write_bytes(data)
         return
-    (folder / "cameras.txt").write_text(f"# cameras\n7 OPENCV {lens.width} {lens.height} {' '.join(map(repr, map(float, p)))}\n")
+    values = " ".join(map(repr, map(float, p)))
+    (folder / "cameras.txt").write_text(f"# cameras\n7 OPENCV {lens.width} {lens.height} {values}\n")
     text = "# images\n"
     for k, (q, t) in enumerate(poses):
         rows = o.camera == k
@@ -108,7 +110,8 @@ def test_metashape_cameras_keep_where_points_are_seen(tmp_path: Path) -> None:
     assert np.abs(read.position - camera.position).max() < 1e-9
     x, y = (read.project(truth[:5]) - [read.interior.cx, read.interior.cy]).T / read.interior.fx
     r2 = x * x + y * y
-    u = lens.width / 2 + lens.cx + 0.5 - lens.width / 2 + lens.fx * (x * (1 - 0.02 * r2) + 0.001 * (r2 + 2 * x * x) - 0.0008 * x * y)
+    bent = x * (1 - 0.02 * r2) + 0.001 * (r2 + 2 * x * x) - 0.0008 * x * y
+    u = lens.cx + 0.5 + lens.fx * bent
     assert np.abs(read.interior.distort(read.project(truth[:5]))[:, 0] + 0.5 - u).max() < 1e-6
 
 
