@@ -73,6 +73,13 @@ def read_project(path: str | Path) -> BundleProblem:
     return problem
 
 
+def kept_observations(path: str | Path, problem: BundleProblem) -> tuple[Ints, Ints]:
+    """Camera and point (K,) of the observations that an adjustment has left in; all of them in a project not yet adjusted."""
+    weights = numbers(read_json(Path(path), "a bundle project").get("weights"), (len(problem.observed),))
+    kept = np.ones(len(problem.observed), dtype=np.bool_) if weights is None else weights > 0
+    return problem.observed.camera[kept], problem.observed.point[kept]
+
+
 def _import_path(content: dict[str, Any], source: Path) -> Path | None:
     if "import" not in content:
         return None
