@@ -124,8 +124,8 @@ def monte_carlo(runs: int) -> dict[str, float]:
     print(
         f"Monte Carlo, {runs} runs of 24 images and {len(points)} tie points: scatter over predicted sigma of tie points x, y, "
         f"z {per_axis[0]:.3f} {per_axis[1]:.3f} {per_axis[2]:.3f}; of single points 5 to 95 % {low:.2f} to {high:.2f}; of "
-        f"projection centres {poses:.3f}; of the focal length {np.sqrt(np.mean(inside)):.3f}; chi-square per point {np.mean(chi):.2f} (3 "
-        f"expected); variance factor {np.mean(factors):.3f}."
+        f"projection centres {poses:.3f}; of the focal length {np.sqrt(np.mean(inside)):.3f}; chi-square per point "
+        f"{np.mean(chi):.2f} (3 expected); variance factor {np.mean(factors):.3f}."
     )
     return {"points": float(per_axis.max()), "points_least": float(per_axis.min()), "poses": poses}
 
@@ -133,7 +133,7 @@ def monte_carlo(runs: int) -> dict[str, float]:
 def speed(images: int, count: int) -> dict[str, float]:
     """Time and memory of one large block, covariances of all points included."""
     problem, _, points = block(images, count, 0)
-    adjust_bundle(block(6, 300, 0)[0])  # kernels are compiled once
+    adjust_bundle(block(24, 300, 0)[0])  # kernels are compiled once
     begin = time.perf_counter()
     found = adjust_bundle(problem)
     seconds = time.perf_counter() - begin
@@ -141,7 +141,8 @@ def speed(images: int, count: int) -> dict[str, float]:
     error = np.sqrt(((found.points - points) ** 2).mean())
     print(
         f"{images} images, {len(points)} tie points, {len(problem.observed)} observations: {seconds:.1f} s, {found.rounds} "
-        f"rounds, peak {peak:.2f} GB; tie points off by {1000 * error:.2f} mm (rms), variance factor {found.variance_factor:.3f}."
+        f"rounds, peak {peak:.2f} GB; tie points off by {1000 * error:.2f} mm (rms), variance factor "
+        f"{found.variance_factor:.3f}."
     )
     return {"seconds": seconds, "peak_gb": peak}
 

@@ -18,8 +18,8 @@ from .line_pose import PoseEstimate, PosePrior
 from .uncertain_lines import LineMatches, homogeneous
 
 Vector = NDArray[np.float64]
-SHARED = 0.5
-"""Share of a model edge's variance that its whole element has: where it stands, against how straight it is."""
+SHARED = 0.8
+"""Share of a model edge's variance that its whole element has: mostly an element stands off, less so are its edges bent."""
 MOST_ROUNDS = 20
 LEAST_DEPTH_M = 1e-3
 
