@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..model.elements import BuildingModel
 from ..model.raycast import RayScene
 from .camera import Camera
+from .meeting_edges import MeetingEdges
 from .model_edges import ModelEdges
 
 Vector = NDArray[np.float64]
@@ -26,7 +27,7 @@ BRIDGE = 3
 
 @dataclass(frozen=True)
 class VisibleEdges:
-    """Visible parts of edges; ``line`` (N,) is the row of the model edge each is a part of."""
+    """Visible parts of edges; ``line`` (N,) tells the model edges apart that they are parts of."""
 
     start: Vector
     """(N, 3) metres, local frame"""
@@ -51,6 +52,7 @@ class EdgeViewer:
     def __init__(self, model: BuildingModel, edges: ModelEdges, scene: RayScene | None = None) -> None:
         self.edges, self.scene = edges, scene or RayScene(model)
         self._corner = model.vertices[model.triangles[:, 0]]
+        self._meeting = MeetingEdges(model, self.scene)
 
     def look(self, camera: Camera, margin: float = 0.0) -> VisibleEdges:
         """The parts seen by ``camera``, up to ``margin`` [px] outside its image, at least 25 pixels long."""
@@ -84,9 +86,16 @@ class EdgeViewer:
             out_end.append(place[j])
             out_pixel.append(np.concatenate([at[i], at[j]]))
         chosen = np.array(out_row, dtype=np.int64)
+        begin, finish = np.array(out_start).reshape(-1, 3), np.array(out_end).reshape(-1, 3)
+        more_begin, more_end, more_element = self._meeting.look(camera, (begin, finish), margin)
+        more_pixel = np.column_stack([camera.project(more_begin), camera.project(more_end)])
+        size = np.hypot(more_pixel[:, 2] - more_pixel[:, 0], more_pixel[:, 3] - more_pixel[:, 1])
+        good = np.flatnonzero(size >= SHORTEST_PX)
         return VisibleEdges(
-            np.array(out_start).reshape(-1, 3), np.array(out_end).reshape(-1, 3), edges.element[row[chosen]], row[chosen],
-            np.array(out_pixel).reshape(-1, 4),
+            np.concatenate([begin, more_begin[good]]), np.concatenate([finish, more_end[good]]),
+            np.concatenate([edges.element[row[chosen]], more_element[good]]),
+            np.concatenate([row[chosen], len(edges) + good]),
+            np.concatenate([np.array(out_pixel).reshape(-1, 4), more_pixel[good]]),
         )
 
     def _in_view(self, camera: Camera, margin: float) -> tuple[NDArray[np.int64], Vector, Vector]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -67,10 +69,8 @@ def test_hidden_edges_and_flush_joints_are_not_seen() -> None:
         box("behind", (-0.5, 4, 0.5), (0.5, 4.5, 1.5)),
     ])
     edges = sharp_edges(model)
-    view = camera().moved(np.zeros(3), np.zeros(3))
-    seen = EdgeViewer(model, edges).look(
-        type(view)("front", view.interior, np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), np.array([0.0, 0.0, 1.0]))
-    )
+    view = replace(camera(), rotation=np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), position=np.array([0.0, 0.0, 1.0]))
+    seen = EdgeViewer(model, edges).look(view)
     assert len(seen) and "behind" not in {model.elements[e].name for e in seen.element}
     middle = 0.5 * (seen.start + seen.end)
     assert not (np.abs(middle[:, 0]) < 1e-3)[np.abs(seen.start[:, 2] - seen.end[:, 2]) > 0.5].any()
@@ -82,3 +82,16 @@ def test_a_room_shows_its_edges() -> None:
     names = {model.elements[e].name for e in seen.element}
     assert {"door", "window", "cupboard", "beam"} <= names
     assert (seen.length_px >= 25).all()
+
+
+def test_a_line_where_elements_cut_through_each_other_is_seen() -> None:
+    model = building_model([
+        box("floor", (-3, -1, -0.2), (3, 6, 0.0)), box("wall", (-3, 4, -1.0), (3, 4.3, 5.0)),
+        box("ceiling", (-3, -1, 2.6), (3, 6, 2.9)),
+    ])
+    view = replace(camera(), rotation=np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), position=np.array([0.1, 0.0, 1.3]))
+    seen = EdgeViewer(model, sharp_edges(model)).look(view)
+    for height in (0.0, 2.6):
+        on = (np.abs(seen.start - [0, 4, height])[:, 1:] < 1e-6).all(axis=1) & (np.abs(seen.end[:, 2] - height) < 1e-6)
+        assert np.linalg.norm(seen.end - seen.start, axis=1)[on].sum() > 4.0
+    assert len(set(seen.line.tolist())) == len(seen)
