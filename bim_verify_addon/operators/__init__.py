@@ -2,6 +2,7 @@
 
 from .align import BIMVERIFY_OT_align
 from .change import BIMVERIFY_OT_change
+from .coregister import BIMVERIFY_OT_coregister
 from .decide import BIMVERIFY_OT_decide
 from .export_bcf import BIMVERIFY_OT_export_bcf
 from .export_ifc import BIMVERIFY_OT_export_ifc
@@ -29,6 +30,7 @@ CLASSES = (
     BIMVERIFY_OT_align,
     BIMVERIFY_OT_verify,
     BIMVERIFY_OT_change,
+    BIMVERIFY_OT_coregister,
     BIMVERIFY_OT_select_findings,
     BIMVERIFY_OT_step_finding,
     BIMVERIFY_OT_isolate_findings,

@@ -56,17 +56,18 @@ class _Conditioned:
 
 def estimate_calibrated(
     matches: LineMatches, start: Camera, *, focal: bool = False, prior: PosePrior | None = None,
-    weight: Vector | None = None,
+    at: Camera | None = None, weight: Vector | None = None,
 ) -> PoseEstimate:
     """The pose of a camera whose interior orientation is known, from at least three lines.
 
-    ``start`` is the coarse pose; lines are in ideal pixels (distortion taken out). ``prior`` adds the coarse pose as an
-    observation. Raises BimVerifyError when there are too few lines or they do not fix the pose.
+    ``start`` is a coarse pose; lines are in ideal pixels (distortion taken out). ``prior`` adds the pose ``at`` (``start`` if
+    not given) as an observation. Raises BimVerifyError when there are too few lines or they do not fix the pose.
     """
     if len(matches) < FEWEST_LINES and prior is None:
         raise BimVerifyError(f"{start.name}: {len(matches)} matched lines do not fix a pose; {FEWEST_LINES} are needed.")
     given = _condition(matches)
     back = np.linalg.inv(given.model)
+    expected = at or start
 
     def matrix(state: object) -> Vector:
         return np.asarray(given.image @ _camera(state).matrix @ back)
@@ -86,9 +87,9 @@ def estimate_calibrated(
         assert prior is not None
         camera = _camera(state)
         away = np.concatenate(
-            [rotation_vector(start.rotation @ camera.rotation.T), start.position - camera.position, np.zeros(focal)]
+            [rotation_vector(expected.rotation @ camera.rotation.T), expected.position - camera.position, np.zeros(int(focal))]
         )
-        information = np.zeros(6 + focal)
+        information = np.zeros(6 + int(focal))
         information[:3], information[3:6] = prior.rotation_sigma**-2, prior.position_sigma**-2
         return np.diag(information), information * away
 

@@ -15,6 +15,7 @@ from .e57_pages import SIGNATURE
 from .read_ahead import read_ahead
 from .scan_file import Origin, ScanFile
 from .stated_origin import impossible_stations, is_identity
+from .tie_points import MARK
 
 FORMATS = "E57, LAS, LAZ, PLY, PCD, PTS, PTX, XYZ, TXT, CSV or NPY"
 SUFFIXES = (".e57", ".las", ".laz", ".ply", ".pcd", ".pts", ".ptx", ".xyz", ".txt", ".asc", ".csv", ".npy")
@@ -76,6 +77,10 @@ def _reader(path: Path, head: bytes) -> Callable[[Path], ScanFile]:
             raise BimVerifyError(f"{path} is not a {kind.upper()} file, whatever its name says. Export it again.")
         if b"\0" in head or (kind != "pcd" and suffix not in SUFFIXES and not _looks_like_rows(head)):
             raise BimVerifyError(f"{path} is no scan file that can be read. Give {FORMATS}.")
+    if kind == "bundle":
+        from .tie_points import TiePointFile
+
+        return TiePointFile
     if kind == "e57":
         from .e57 import E57File
 
@@ -113,6 +118,8 @@ def _signature(head: bytes) -> str | None:
     """The format that the first bytes prove, or None."""
     if head.startswith(SIGNATURE):
         return "e57"
+    if head.lstrip().startswith(b"{") and MARK in head:
+        return "bundle"
     if head.startswith(b"LASF"):
         return "las"
     if head.startswith((b"ply\n", b"ply\r")):

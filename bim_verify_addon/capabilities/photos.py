@@ -1,0 +1,32 @@
+"""Photos on the model: the step, and the cameras that show them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from .. import photo_scene
+from ..capability import Capability, Step, StepState
+from ..text import wrapped
+
+
+def _state(scene: bpy.types.Scene) -> StepState:
+    found = scene.get(photo_scene.SUMMARY_KEY, "")
+    return StepState(bool(found), found or "Put photos on the model and look through their cameras")
+
+
+def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    layout.operator("bim_verify.coregister", icon="IMAGE_BACKGROUND")
+    item = context.object
+    if item is not None and photo_scene.PHOTO_KEY in item and item.type == "CAMERA":
+        text = f"{item[photo_scene.PHOTO_KEY]}: {item['bim_verify_state']}. {item['note']}"
+        wrapped(layout.box(), context, text)
+
+
+def show(scene: bpy.types.Scene, result: Any) -> bool:
+    """Put a co-registration into the scene; False if the result is none."""
+    return photo_scene.show(scene, result)
+
+
+CAPABILITY = Capability("photos", Step("photos", "Photos", _state, _draw, optional=True), show=show)

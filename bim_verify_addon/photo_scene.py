@@ -1,0 +1,145 @@
+"""Photos in the scene: cameras with their images behind, and the model's edges that fixed them, coloured by residual."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+from numpy.typing import NDArray
+
+from ..core.imagery.camera import PHOTOGRAMMETRIC, Camera
+from . import frame, project, scene
+
+if TYPE_CHECKING:
+    from ..core.imagery.coregistration import CoregistrationResult
+    from ..core.imagery.register_image import ImageRegistration
+
+PHOTOS = "Photos"
+PHOTO_KEY = "bim_verify_photo"
+"""On everything that stands for a photo: the image's name."""
+SUMMARY_KEY = "bim_verify_photos"
+"""On the scene: what the last registration found, in one sentence."""
+RESIDUAL = "bv_residual"
+"""Per vertex of the matched edges: distance of the image line from the projected edge, pixels."""
+COARSE_COLOR, REFINED_COLOR = (0.92, 0.25, 0.2, 1.0), (0.1, 0.8, 0.35, 1.0)
+WORST_PX = 3.0
+"""Residual that is drawn in the warning colour."""
+
+
+def show_photos(target: bpy.types.Scene, result: CoregistrationResult) -> str:
+    """A camera per image (its coarse pose as an empty beside it) and its matched edges; what was there before is replaced."""
+    from ..core.imagery.coregistration import state_of
+
+    clear(target)
+    if not scene.element_objects(target):
+        scene.show_model(target, result.model)
+    place = frame.stored(target) or frame.ViewFrame()
+    states = [state_of(found) for found in result.registrations]
+    for index, (path, found) in enumerate(zip(result.images, result.registrations, strict=True)):
+        name = Path(path).name
+        item = _camera(target, name, result.camera(index), result.model.origin, place, path)
+        item["bim_verify_state"] = states[index]
+        item["note"] = found.note or "; ".join(f"Not determined: {w.text}" for w in found.weak)
+        _coarse(target, name, found, result.model.origin, place)
+        _edges(target, name, found, result.model.origin, place)
+    if target.camera is None or PHOTO_KEY in target.camera:
+        target.camera = next(i for i in target.objects if i.type == "CAMERA" and PHOTO_KEY in i)
+    placed = sum(state in ("REFINED", "PARTLY") for state in states)
+    target[SUMMARY_KEY] = f"{placed} of {len(states)} images are placed on the model."
+    return str(target[SUMMARY_KEY])
+
+
+def clear(target: bpy.types.Scene) -> None:
+    """Take away what stands for photos."""
+    for item in [i for i in target.objects if PHOTO_KEY in i]:
+        data = item.data
+        bpy.data.objects.remove(item)
+        if isinstance(data, bpy.types.Mesh) and data.users == 0:
+            bpy.data.meshes.remove(data)
+        elif isinstance(data, bpy.types.Camera) and data.users == 0:
+            bpy.data.cameras.remove(data)
+
+
+def show(target: bpy.types.Scene, result: object) -> bool:
+    """Show a co-registration in an empty scene (``--blend``); False when it is none."""
+    from ..core.imagery.coregistration import CoregistrationResult
+
+    if not isinstance(result, CoregistrationResult):
+        return False
+    target.bim_verify.model_path = str(Path(result.model.path).resolve())
+    project.adopt_frame(target, result.model)
+    show_photos(target, result)
+    return True
+
+
+def _camera(
+    target: bpy.types.Scene, name: str, camera: Camera, origin: NDArray[np.float64], place: frame.ViewFrame, path: str
+) -> bpy.types.Object:
+    """Blender's camera has no distortion: the image behind it fits in the middle, and its border only about."""
+    lens = camera.interior
+    data = bpy.data.cameras.new(name)
+    data.sensor_fit = "HORIZONTAL" if lens.width >= lens.height else "VERTICAL"
+    size = max(lens.width, lens.height)
+    data.sensor_width = data.sensor_height = 36.0
+    data.lens = 36.0 * lens.fx / size
+    data.shift_x = ((lens.width - 1) / 2 - lens.cx) / size
+    data.shift_y = (lens.cy - (lens.height - 1) / 2) / size
+    data.clip_start, data.display_size = 0.05, 0.3
+    if Path(path).is_file():
+        back = data.background_images.new()
+        back.image = bpy.data.images.load(str(Path(path).resolve()), check_existing=True)
+        back.alpha = 0.6
+        data.show_background_images = True
+    item = bpy.data.objects.new(name, data)
+    matrix = np.eye(4)
+    matrix[:3, :3] = place.turned(camera.rotation.T @ PHOTOGRAMMETRIC)
+    matrix[:3, 3] = place.to_view(camera.position + origin)
+    item.matrix_world = Matrix(matrix.tolist())
+    _keep(target, item, name)
+    return item
+
+
+def _coarse(
+    target: bpy.types.Scene, name: str, found: ImageRegistration, origin: NDArray[np.float64], place: frame.ViewFrame
+) -> None:
+    camera = found.coarse.camera
+    item = bpy.data.objects.new(f"{name} coarse", None)
+    item.empty_display_type, item.empty_display_size = "CONE", 0.15
+    matrix = np.eye(4)
+    matrix[:3, :3] = place.turned(camera.rotation.T @ PHOTOGRAMMETRIC)
+    matrix[:3, 3] = place.to_view(camera.position + origin)
+    item.matrix_world = Matrix(matrix.tolist())
+    item.color = COARSE_COLOR
+    _keep(target, item, name)
+
+
+def _edges(
+    target: bpy.types.Scene, name: str, found: ImageRegistration, origin: NDArray[np.float64], place: frame.ViewFrame
+) -> None:
+    """The matched edges as a mesh of lines that carries the residuals."""
+    kept = [m for m in found.matches if m.kept]
+    if not kept:
+        return
+    ends = np.concatenate([m.edge for m in kept])
+    middle = ends.mean(axis=0)
+    mesh = bpy.data.meshes.new(f"{name} edges")
+    mesh.from_pydata((ends - middle).tolist(), [(2 * k, 2 * k + 1) for k in range(len(kept))], [])
+    residual = np.repeat(np.array([m.residual for m in kept]), 2).astype(np.float32)
+    scene.set_attribute(mesh, RESIDUAL, "FLOAT", residual)
+    share = np.clip(residual / WORST_PX, 0.0, 1.0)[:, None]
+    color = ((1.0 - share) * np.array(REFINED_COLOR) + share * np.array(COARSE_COLOR)).astype(np.float32)
+    scene.set_attribute(mesh, scene.COLOR, "FLOAT_COLOR", color)
+    item = bpy.data.objects.new(f"{name} edges", mesh)
+    item.show_in_front = True
+    item.color = REFINED_COLOR
+    item[frame.ORIGIN_KEY] = [float(v) for v in middle + origin]
+    frame.place(item, place)
+    _keep(target, item, name)
+
+
+def _keep(target: bpy.types.Scene, item: bpy.types.Object, name: str) -> None:
+    item[PHOTO_KEY] = name
+    scene.collection(target, PHOTOS).objects.link(item)

@@ -1,0 +1,65 @@
+"""``bim-verify bundle``: adjust cameras and tie points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..errors import BimVerifyError
+from ..progress import Progress
+from .checks import check_outputs, check_report
+from .table import Argument, Command, Outcome, Values
+
+
+def _bundle(values: Values, progress: Progress) -> Outcome:
+    from ..imagery.bundle_project import adjusted_project
+    from ..imagery.bundle_report import summary, write_bundle_report
+    from ..jobs.bundle import bundle
+    from ..report.json_out import to_plain, write_document
+    from ..report.page_frame import PAGE
+
+    if values["threads"] < 0:
+        raise BimVerifyError(f"--threads must be zero (all) or more, not {values['threads']}.")
+    outputs = [values["out"], *([values["json"]] if values["json"] else [])]
+    check_outputs([values["project"]], outputs)
+    if values["report"]:
+        check_report(values["report"], (PAGE,), [values["project"]], outputs)
+    found = bundle(values["project"], robust=not values["plain"], threads=values["threads"], progress=progress)
+    facts = summary(found.problem, found.result)
+    lines = [
+        f"{facts['images']} images, {facts['points']} tie points, {facts['observations']} observations, "
+        f"{facts['control_points']} control points.",
+        f"Sigma 0 {facts['sigma0']:.3f}, redundancy {facts['redundancy']}, residuals {facts['residual_rms_px']:.2f} px, "
+        f"{facts['rejected']} observations taken out.",
+        f"Tie points: sigma {1000 * facts['point_sigma_median']:.2f} mm (median), "
+        f"{1000 * facts['point_sigma_p95']:.2f} mm (95 %).",
+        *(f"  {g.name}: variance component {g.factor:.3f}, redundancy {g.redundancy:.0f}" for g in found.result.groups),
+        f"Adjusted project: {values['out']}",
+    ]
+    if values["report"]:
+        lines.append(f"Report: {Path(values['report']) / PAGE}")
+
+    def write() -> None:
+        write_document(values["out"], adjusted_project(found.problem, found.result, found.method))
+        if values["report"]:
+            write_bundle_report(
+                values["report"], Path(values["project"]).name, found.problem, found.result, found.method
+            )
+
+    data = to_plain({"summary": facts, "groups": found.result.groups, "timings": found.timings, "method": found.method})
+    return Outcome(lines, data, found, write)
+
+
+COMMAND = Command(
+    "bundle",
+    "adjust cameras and tie points, with the covariance of every point",
+    (
+        Argument("PROJECT", "JSON file of the project; it may import COLMAP or Metashape", required=True),
+        Argument("--out", "adjusted project to write (JSON)", required=True),
+        Argument("--plain", "plain least squares: gross errors keep their weight", flag=True),
+        Argument("--report", "folder for the report (one HTML page)"),
+        Argument("--json", "write what was found to this file"),
+        Argument("--quiet", "show no progress", flag=True),
+        Argument("--threads", "processor threads to use (0: all)", int, 0),
+    ),
+    _bundle,
+)

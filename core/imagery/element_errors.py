@@ -1,0 +1,101 @@
+"""A pose from lines whose edges share the errors of their elements.
+
+A wall that stands 3 mm off takes all of its edges with it, so twenty edges of one element are no twenty independent
+observations. The model edge's variance is split into a part of its own and one that all edges of its element share; the
+contradictions of the Gauss-Helmert model then have a full covariance matrix, and the pose follows by generalised least squares.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BimVerifyError
+from .camera import Camera, rotation_vector
+from .line_pose import PoseEstimate, PosePrior
+from .uncertain_lines import LineMatches, homogeneous
+
+Vector = NDArray[np.float64]
+SHARED = 0.8
+"""Share of a model edge's variance that its whole element has: mostly an element stands off, less so are its edges bent."""
+MOST_ROUNDS = 20
+LEAST_DEPTH_M = 1e-3
+
+
+def estimate_with_elements(
+    matches: LineMatches, element: NDArray[np.int64], start: Camera, model_sigma: float, *, prior: PosePrior, at: Camera,
+    focal: bool = False,
+) -> PoseEstimate:
+    """The pose near ``start``; ``element`` (N,) says which matches share an error, ``at`` is the coarse pose.
+
+    The edges' covariances in ``matches`` are not used: ``model_sigma`` [m] per axis stands for them. Raises BimVerifyError
+    when it does not settle.
+    """
+    camera = start
+    same = element[:, None] == element[None, :]
+    information = np.diag([prior.rotation_sigma**-2] * 3 + [prior.position_sigma**-2] * 3 + [0.0] * int(focal))
+    for _ in range(MOST_ROUNDS):
+        value, design, cov = _contradictions(matches, camera, same, model_sigma, focal)
+        weighted = np.linalg.solve(cov, np.column_stack([design, value]))
+        away = np.concatenate([
+            rotation_vector(at.rotation @ camera.rotation.T), at.position - camera.position, np.zeros(int(focal)),
+        ])
+        covariance = np.linalg.inv(design.T @ weighted[:, :-1] + information)
+        step = covariance @ (information @ away - design.T @ weighted[:, -1])
+        camera = _moved(camera, step)
+        if np.all(np.abs(step) <= 1e-3 * np.sqrt(np.diag(covariance))):
+            break
+    else:
+        raise BimVerifyError(f"{start.name}: the pose does not settle; check the coarse pose and the matched lines.")
+    value, design, cov = _contradictions(matches, camera, same, model_sigma, focal)
+    redundancy = len(value) - design.shape[1]
+    factor = float(value @ np.linalg.solve(cov, value)) / max(redundancy, 1)
+    own = cov - design @ covariance @ design.T
+    rows = np.arange(len(matches))
+    blocks = own.reshape(len(matches), 2, len(matches), 2)[rows, :, rows, :]
+    pairs = value.reshape(-1, 2)
+    test = np.einsum("nk,nkl,nl->n", pairs, np.linalg.pinv(blocks, hermitian=True), pairs)
+    spread = float(np.sqrt(covariance[6, 6])) * camera.interior.fx if focal else None
+    return PoseEstimate(camera, covariance[:6, :6], factor, redundancy, test, spread)
+
+
+def _moved(camera: Camera, step: Vector) -> Camera:
+    moved = camera.moved(step[:3], step[3:6])
+    if len(step) == 6:
+        return moved
+    lens, scale = moved.interior, 1.0 + float(step[6])
+    return replace(moved, interior=replace(lens, fx=lens.fx * scale, fy=lens.fy * scale))
+
+
+def _contradictions(
+    matches: LineMatches, camera: Camera, same: NDArray[np.bool_], model_sigma: float, focal: bool
+) -> tuple[Vector, Vector, Vector]:
+    """Distances (2N,) [px] of the projected ends from their lines, derivatives (2N, 6 or 7), covariance (2N, 2N)."""
+    count, lens = len(matches), camera.interior
+    normal = np.repeat(matches.line[:, :2], 2, axis=0)
+    ends = np.stack([matches.start, matches.end], axis=1).reshape(-1, 3)
+    q = camera.in_camera(ends)
+    q[:, 2] = np.maximum(q[:, 2], LEAST_DEPTH_M)
+    pixel = np.column_stack([lens.fx * q[:, 0] / q[:, 2] + lens.cx, lens.fy * q[:, 1] / q[:, 2] + lens.cy])
+    scale = np.hypot(*matches.line[:, :2].T).repeat(2)
+    value = (np.einsum("ni,ni->n", normal, pixel) + matches.line[:, 2].repeat(2)) / scale
+    normal = normal / scale[:, None]
+    flat = normal * [lens.fx, lens.fy] / q[:, 2:]
+    to_q = np.column_stack([flat, -np.einsum("ni,ni->n", flat, q[:, :2]) / q[:, 2]])
+    to_point = to_q @ camera.rotation
+    columns = [np.cross(q, to_q), -to_point]
+    if focal:
+        columns.append(np.einsum("ni,ni->n", normal, pixel - [lens.cx, lens.cy])[:, None])
+    design = np.column_stack(columns)
+    shared = np.where(same.repeat(2, axis=0).repeat(2, axis=1), to_point @ to_point.T, 0.0)
+    cov = SHARED * model_sigma**2 * shared
+    at = homogeneous(pixel).reshape(count, 2, 3) / scale.reshape(count, 2, 1)
+    image = at @ matches.line_cov @ at.transpose(0, 2, 1)
+    own = (1.0 - SHARED) * model_sigma**2 * np.einsum("ni,ni->n", to_point, to_point).reshape(count, 2)
+    image[:, [0, 1], [0, 1]] += own + 1e-6
+    blocks = cov.reshape(count, 2, count, 2)
+    rows = np.arange(count)
+    blocks[rows, :, rows, :] += image
+    return value, design, blocks.reshape(2 * count, 2 * count)

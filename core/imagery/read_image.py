@@ -1,0 +1,37 @@
+"""Grey values of a photo as it lies on the sensor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BimVerifyError
+
+MOST_PIXELS = 250_000_000
+
+
+def read_grey(path: str | Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
+    """(H, W) of a JPEG, PNG or TIFF file; not turned as its EXIF entry asks, since cameras are calibrated unturned.
+
+    ``size`` (width, height) is what it must have. Raises BimVerifyError.
+    """
+    from PIL import Image
+
+    source = Path(path)
+    try:
+        with Image.open(source) as image:
+            if image.width * image.height > MOST_PIXELS:
+                raise BimVerifyError(f"{source} has {image.width} x {image.height} pixels; {MOST_PIXELS:,} is the most.")
+            if size is not None and (image.width, image.height) != size:
+                raise BimVerifyError(
+                    f"{source} has {image.width} x {image.height} pixels, its interior orientation is for "
+                    f"{size[0]} x {size[1]}; give the image as it was taken, or scale the interior orientation."
+                )
+            return np.asarray(image.convert("L"), dtype=np.uint8)
+    except OSError as error:
+        reason = error.strerror or "unknown format"
+        raise BimVerifyError(f"Cannot read {source} as an image: {reason}. Check the file.") from error
+    except (Image.DecompressionBombError, ValueError, SyntaxError) as error:
+        raise BimVerifyError(f"Cannot read {source} as an image ({str(error)[:80]}). Export it again.") from error

@@ -1,0 +1,296 @@
+"""One image onto the model: from a coarse pose to matched lines, a rigorous adjustment, and what is not determined."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BimVerifyError
+from .camera import Camera
+from .cameras_file import KnownCamera
+from .detect_lines import ImageLines, line_with_covariance
+from .element_errors import estimate_with_elements
+from .line_pose import PoseEstimate, PosePrior, pose_difference
+from .pose_search import WIDE, gate, refine, score_pose, search
+from .uncertain_lines import LineMatches
+from .visible_edges import EdgeViewer, VisibleEdges
+from .weak_geometry import WeakDirection, weak_directions
+
+Vector = NDArray[np.float64]
+Ints = NDArray[np.int64]
+BATCH, MOST_BATCHES = 2000, 8
+KEPT = 40
+"""Best hypotheses of a batch that are refined with all lines."""
+CONFIRMATIONS = 3
+"""So many hypotheses from different matches must lead to one pose before the search ends early."""
+MOST_EDGES, MOST_LINES = 120, 500
+SEARCH_WIDTH = 0.002
+"""Tolerance of a hypothesis built on few matches, share of the image's width."""
+LIMIT = 6.0
+"""Squared normalised distance at which a match has no more worth in the score."""
+WIDTHS = (1.0, 0.5, 0.25, 0.1, 0.1)
+"""How the tolerance shrinks when a hypothesis is refined, shares of the search's."""
+LEAST_LINES = 5
+SAME_POSE_M, SAME_POSE_RAD = 0.03, math.radians(0.5)
+TEST = 13.8
+"""Chi-square of two degrees at 99.9 %: matches beyond it, scaled by the variance factor, are taken out."""
+MOST_OUT = 0.5
+LOOKS = 2
+FARTHEST = 35.0
+"""Chi-square of six degrees that is never reached: a pose beyond it contradicts the coarse one."""
+AMBIGUOUS = 0.93
+"""A different pose that explains this share of what the best one does makes the result ambiguous."""
+
+
+@dataclass(frozen=True)
+class MatchedLine:
+    """An image line and the model edge it is taken for."""
+
+    element: int
+    """Row of the model's elements."""
+    edge: Vector
+    """(2, 3) ends of the visible part, metres, local frame"""
+    line: Vector
+    """(4,) both ends in ideal pixels"""
+    residual: float
+    """Root mean square distance of the line's ends from the projected edge, pixels."""
+    test: float
+    """Chi-square with two degrees."""
+    kept: bool
+
+
+@dataclass(frozen=True)
+class ImageRegistration:
+    """What became of one image. ``estimate`` is None where no pose could be determined, and ``note`` says why."""
+
+    coarse: KnownCamera
+    estimate: PoseEstimate | None
+    matches: tuple[MatchedLine, ...]
+    lines: ImageLines
+    before: VisibleEdges
+    after: VisibleEdges | None
+    explained: float
+    """Share of the visible edges' length that lines account for."""
+    runner_up: float
+    """What the best different pose explains, share of the best; near one: ambiguous."""
+    weak: tuple[WeakDirection, ...]
+    note: str = ""
+
+    @property
+    def camera(self) -> Camera:
+        """The refined camera, or the coarse one where there is none."""
+        return self.coarse.camera if self.estimate is None else self.estimate.camera
+
+    @property
+    def covariance(self) -> Vector | None:
+        """(6, 6) rotation in the camera frame [rad] and position [m]; scaled up where the fit is worse than stated."""
+        if self.estimate is None:
+            return None
+        return np.asarray(self.estimate.covariance * max(self.estimate.variance_factor, 1.0))
+
+
+def register_image(
+    viewer: EdgeViewer, lines: ImageLines, coarse: KnownCamera, *, model_sigma: float, focal: bool = False, seed: int = 0
+) -> ImageRegistration:
+    """Refine a camera's coarse pose by its image's lines; ``model_sigma`` [m] is that of the model's edges per axis."""
+    camera = coarse.camera
+    reach = min(_reach(coarse), 0.25 * camera.interior.width)
+    before = viewer.look(camera, reach)
+    nothing = ImageRegistration(coarse, None, (), lines, before, None, 0.0, 0.0, ())
+    if len(before) < LEAST_LINES:
+        return replace(nothing, note=f"The model shows only {len(before)} edges to this camera; check its coarse pose.")
+    if len(lines) < LEAST_LINES:
+        return replace(nothing, note=f"The image has only {len(lines)} straight lines.")
+    found = search_pose(before, lines, coarse, model_sigma, reach, seed)
+    if found is None:
+        return replace(nothing, note="No pose near the coarse one explains the lines; check the coarse pose and its sigma.")
+    pose, runner_up = found
+    known = replace(coarse, camera=pose)
+    estimate: PoseEstimate | None = None
+    matches: tuple[MatchedLine, ...] = ()
+    after, explained = before, 0.0
+    for _ in range(LOOKS):
+        after = viewer.look(known.camera)
+        pairs = match_lines(after, lines, known, model_sigma)
+        if pairs is None:
+            return replace(nothing, note="Too few lines lie on edges of the model to determine a pose.")
+        known, best, explained = pairs
+        try:
+            estimate, matches = adjust_matches(after, lines, best, known, coarse, model_sigma, focal)
+        except BimVerifyError as error:
+            return replace(nothing, note=str(error))
+        known = replace(known, camera=estimate.camera)
+    assert estimate is not None
+    away = pose_difference(estimate.camera, camera)
+    if (away[:3] @ away[:3]) / coarse.rotation_sigma**2 + (away[3:] @ away[3:]) / coarse.position_sigma**2 > FARTHEST:
+        return replace(nothing, note=(
+            f"The lines put the camera {np.linalg.norm(away[3:]):.2f} m and {math.degrees(np.linalg.norm(away[:3])):.1f} deg "
+            "from the coarse pose, which its sigma does not allow; check the coarse pose and its sigma."
+        ))
+    weak = weak_directions(estimate, PosePrior(coarse.rotation_sigma, coarse.position_sigma))
+    note = ""
+    if runner_up > AMBIGUOUS:
+        note = "Another pose explains the lines nearly as well; check the overlay."
+    return ImageRegistration(coarse, estimate, matches, lines, before, after, explained, runner_up, weak, note)
+
+
+def _reach(coarse: KnownCamera, depth: float = 2.0) -> float:
+    """How far the coarse pose may put an edge off [px], three sigmas, at ``depth`` metres."""
+    return 3.0 * coarse.camera.interior.fx * math.hypot(coarse.rotation_sigma, coarse.position_sigma / depth)
+
+
+def _covariance(coarse: KnownCamera) -> Vector:
+    return np.diag([coarse.rotation_sigma**2] * 3 + [coarse.position_sigma**2] * 3)
+
+
+def _inside(camera: Camera) -> Vector:
+    lens = camera.interior
+    return np.array([lens.fx, lens.fy, lens.cx, lens.cy])
+
+
+def _line_rows(lines: ImageLines, most: int | None = None) -> Vector:
+    return np.column_stack([lines.start, lines.end, lines.offset_sigma, lines.angle_sigma])[:most]
+
+
+def _candidates(allowed: NDArray[np.bool_]) -> tuple[Ints, Ints]:
+    edge, line = np.nonzero(allowed)
+    first = np.searchsorted(edge, np.arange(len(allowed) + 1)).astype(np.int64)
+    return first, line.astype(np.int64)
+
+
+def search_pose(
+    edges: VisibleEdges, lines: ImageLines, coarse: KnownCamera, model_sigma: float, slack: float, seed: int
+) -> tuple[Camera, float] | None:
+    """The pose near the coarse one that explains most, and what the best different pose explains of that."""
+    camera, covariance, inside = coarse.camera, _covariance(coarse), _inside(coarse.camera)
+    longest = np.argsort(-edges.length_px, kind="stable")[:MOST_EDGES]
+    start, end = np.ascontiguousarray(edges.start[longest]), np.ascontiguousarray(edges.end[longest])
+    rows = _line_rows(lines, MOST_LINES)
+    allowed = gate(camera.rotation, camera.position, covariance, inside, start, end, rows, model_sigma, slack, WIDE)
+    first, candidate = _candidates(allowed)
+    if (np.diff(first) > 0).sum() < LEAST_LINES:
+        return None
+    chance = np.cumsum(np.where(np.diff(first) > 0, edges.length_px[longest], 0.0))
+    width = SEARCH_WIDTH * camera.interior.width
+    widths = width * np.array(WIDTHS)
+    poses: list[tuple[float, Camera]] = []
+    for batch in range(MOST_BATCHES):
+        scores, rotations, positions = search(
+            camera.rotation, camera.position, covariance, inside, start, end, chance, rows, first, candidate, model_sigma,
+            width, LIMIT, BATCH, seed * MOST_BATCHES + batch,
+        )
+        for h in np.argsort(-scores, kind="stable")[:KEPT]:
+            if scores[h] <= 0:
+                break
+            r, x, score = refine(
+                rotations[h], positions[h], covariance, inside, start, end, rows, first, candidate, model_sigma, widths, LIMIT
+            )
+            poses.append((score, replace(camera, rotation=r, position=x)))
+        poses.sort(key=lambda pair: -pair[0])
+        poses = poses[: 4 * KEPT]
+        if poses and sum(_same(p, poses[0][1]) and s > 0.9 * poses[0][0] for s, p in poses) >= CONFIRMATIONS * (batch + 1):
+            break
+    if not poses:
+        return None
+    best_score, best = poses[0]
+    other = next((s for s, p in poses if not _same(p, best)), 0.0)
+    return best, other / best_score
+
+
+def _same(pose: Camera, other: Camera) -> bool:
+    away = pose_difference(pose, other)
+    return bool(np.linalg.norm(away[:3]) < SAME_POSE_RAD and np.linalg.norm(away[3:]) < SAME_POSE_M)
+
+
+def match_lines(
+    edges: VisibleEdges, lines: ImageLines, known: KnownCamera, model_sigma: float
+) -> tuple[KnownCamera, Ints, float] | None:
+    """Every visible edge with the lines that lie on it now; the pose, the (E, L) matches, the share explained."""
+    camera, inside = known.camera, _inside(known.camera)
+    rows = _line_rows(lines)
+    tight = np.diag([SAME_POSE_RAD**2] * 3 + [SAME_POSE_M**2] * 3) / 9.0
+    width = SEARCH_WIDTH * camera.interior.width
+    allowed = gate(
+        camera.rotation, camera.position, tight, inside, edges.start, edges.end, rows, model_sigma, 4.0 * width, WIDE
+    )
+    first, candidate = _candidates(allowed)
+    r, x, score = refine(
+        camera.rotation, camera.position, _covariance(known), inside, edges.start, edges.end, rows, first, candidate,
+        model_sigma, width * np.array([0.5, 0.25, 0.1]), LIMIT,
+    )
+    best = np.empty(len(edges), dtype=np.int64)
+    score_pose(r, x, inside, edges.start, edges.end, rows, first, candidate, model_sigma, 0.1 * width, LIMIT, best)
+    if (best >= 0).sum() < LEAST_LINES:
+        return None
+    share = score / max(float(edges.length_px.sum()), 1e-9)
+    return replace(known, camera=replace(camera, rotation=r, position=x)), best, share
+
+
+def adjust_matches(
+    edges: VisibleEdges, lines: ImageLines, best: Ints, known: KnownCamera, coarse: KnownCamera, model_sigma: float,
+    focal: bool,
+) -> tuple[PoseEstimate, tuple[MatchedLine, ...]]:
+    """The rigorous adjustment; matches that do not fit it are taken out one after the other."""
+    edge = _one_line_each(np.flatnonzero(best >= 0), best, edges, lines)
+    line = best[edge]
+    line_of, cov = line_with_covariance(lines.start[line], lines.end[line], lines.offset_sigma[line], lines.angle_sigma[line])
+    model = np.tile(np.eye(3) * model_sigma**2, (len(edge), 1, 1))
+    matches = LineMatches(line_of, cov, edges.start[edge], edges.end[edge], model, model)
+    kept = np.ones(len(edge), dtype=np.bool_)
+    tests = np.full(len(edge), np.nan)
+    element = edges.element[edge]
+    estimate = _estimate(matches, kept, element, model_sigma, known.camera, coarse, focal)
+    for _ in range(int(MOST_OUT * len(edge))):
+        rows = np.flatnonzero(kept)
+        worst = int(np.argmax(estimate.test))
+        factor = max(float(np.median(estimate.test)) / 1.386, 1.0)
+        if estimate.test[worst] <= TEST * factor or len(rows) <= LEAST_LINES:
+            break
+        tests[rows[worst]] = estimate.test[worst]
+        kept[rows[worst]] = False
+        estimate = _estimate(matches, kept, element, model_sigma, estimate.camera, coarse, focal)
+    tests[kept] = estimate.test
+    return estimate, tuple(
+        MatchedLine(
+            int(edges.element[e]), np.stack([edges.start[e], edges.end[e]]),
+            np.concatenate([lines.start[k], lines.end[k]]), _distance(estimate.camera, edges, e, lines, k), float(test),
+            bool(keep),
+        )
+        for e, k, test, keep in zip(edge, line, tests, kept, strict=True)
+    )
+
+
+def _estimate(
+    matches: LineMatches, kept: NDArray[np.bool_], element: Ints, model_sigma: float, known: Camera, coarse: KnownCamera,
+    focal: bool,
+) -> PoseEstimate:
+    return estimate_with_elements(
+        matches.rows(kept), element[kept], known, model_sigma, focal=focal, at=coarse.camera,
+        prior=PosePrior(coarse.rotation_sigma, coarse.position_sigma),
+    )
+
+
+def _one_line_each(rows: Ints, best: Ints, edges: VisibleEdges, lines: ImageLines) -> Ints:
+    """Parts of one model edge, and edges taken for one line, are one match: the part with the longest line stays."""
+    order = rows[np.argsort(-lines.length[best[rows]], kind="stable")]
+    seen_line: set[int] = set()
+    seen_edge: set[int] = set()
+    out = []
+    for e in order:
+        if int(best[e]) in seen_line or int(edges.line[e]) in seen_edge:
+            continue
+        seen_line.add(int(best[e]))
+        seen_edge.add(int(edges.line[e]))
+        out.append(int(e))
+    return np.array(sorted(out), dtype=np.int64)
+
+
+def _distance(camera: Camera, edges: VisibleEdges, e: int, lines: ImageLines, k: int) -> float:
+    a, b = camera.project(np.stack([edges.start[e], edges.end[e]]))
+    along = (b - a) / np.linalg.norm(b - a)
+    normal = np.array([-along[1], along[0]])
+    off = np.array([(lines.start[k] - a) @ normal, (lines.end[k] - a) @ normal])
+    return float(np.sqrt((off**2).mean()))

@@ -1,0 +1,83 @@
+"""From photos to poses, against the truth: what ``coregister`` makes of the images of ``render_photos.py``.
+
+    python scripts/render_photos.py MODEL.ifc --out DIR && python scripts/bench_photos.py MODEL.ifc DIR [--starts 3]
+
+Every image is placed from several coarse poses, drawn anew from the sigmas of ``cameras.json``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from headless_entry import package
+
+PACKAGE = package()
+
+from bim_verify.core.imagery.cameras_file import CameraList, KnownCamera, read_cameras  # noqa: E402
+from bim_verify.core.imagery.coregistration import CoregisterOptions, state_of  # noqa: E402
+from bim_verify.core.imagery.line_pose import pose_difference  # noqa: E402
+from bim_verify.core.jobs.coregister import coregister  # noqa: E402
+from bim_verify.core.model.load import load_model  # noqa: E402
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("model", type=Path)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--starts", type=int, default=3, help="coarse poses per image")
+    parser.add_argument("--worse", type=float, default=1.0, help="factor on the sigmas of the coarse poses")
+    parser.add_argument("--loa", type=int, default=40)
+    parser.add_argument("--detector", default="lsd", choices=("lsd", "hough"))
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else None)
+    model = load_model(options.model)
+    coarse, truth = read_cameras(options.folder / "cameras.json"), read_cameras(options.folder / "truth.json")
+    rows = []
+    for start in range(options.starts):
+        rng = np.random.default_rng((start, 3))
+        known = []
+        for given, true in zip(coarse.cameras, truth.cameras, strict=True):
+            position, rotation = options.worse * given.position_sigma, options.worse * given.rotation_sigma
+            known.append(KnownCamera(
+                true.camera.moved(rng.normal(0, rotation, 3), rng.normal(0, position, 3)), position, rotation
+            ))
+        images = [options.folder / k.camera.name for k in known if (options.folder / k.camera.name).exists()]
+        result = coregister(
+            model, images, CameraList(tuple(known)), CoregisterOptions(loa=options.loa, detector=options.detector, seed=start)
+        )
+        for path, found in zip(images, result.registrations, strict=True):
+            true = truth.of_image(path).camera
+            away = pose_difference(found.camera, replace(true, position=true.position - model.origin))
+            state = state_of(found)
+            square = float(away @ np.linalg.solve(found.covariance, away)) if found.covariance is not None else math.nan
+            rows.append({
+                "image": path.name, "state": state, "position_m": float(np.linalg.norm(away[3:])),
+                "rotation_deg": math.degrees(float(np.linalg.norm(away[:3]))), "square": square,
+                "lines": sum(m.kept for m in found.matches), "seconds": result.timings["registration"] / len(images),
+            })
+            print(
+                f"{path.name} start {start}: {state:<9} {1000 * rows[-1]['position_m']:7.1f} mm "
+                f"{rows[-1]['rotation_deg']:7.3f} deg {rows[-1]['lines']:4d} lines, error over covariance "
+                f"{square:6.1f} (6 expected)", flush=True,
+            )
+    placed = [r for r in rows if r["state"] in ("REFINED", "PARTLY")]
+    wrong = [r for r in placed if r["position_m"] > 0.05 or r["rotation_deg"] > 1.0]
+    print(
+        f"{len(placed)} of {len(rows)} placed, {len(wrong)} of them wrong (more than 5 cm or 1 deg); median error "
+        f"{1000 * np.median([r['position_m'] for r in placed]):.1f} mm and "
+        f"{np.median([r['rotation_deg'] for r in placed]):.3f} deg, worst "
+        f"{1000 * max(r['position_m'] for r in placed):.1f} mm and {max(r['rotation_deg'] for r in placed):.3f} deg; "
+        f"{np.mean([r['seconds'] for r in rows]):.1f} s an image."
+    )
+    if options.json:
+        options.json.write_text(json.dumps(rows, indent=1), encoding="ascii")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,90 @@
+"""Photos in Blender: cameras stand where they were found, see what the images show, and carry their state."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from bpy_extras.object_utils import world_to_camera_view
+from mathutils import Vector
+from PIL import Image
+
+from bim_verify.bim_verify_addon import photo_scene
+from bim_verify.bim_verify_addon.capabilities import CAPABILITIES
+from bim_verify.bim_verify_addon.session import SESSION
+from bim_verify.core.imagery.cameras_file import CameraList, KnownCamera, camera_to_plain
+from bim_verify.core.imagery.coregistration import CoregistrationResult
+from bim_verify.core.jobs import coregister as job
+from bim_verify.core.model.elements import BuildingModel
+from bim_verify.core.simulation.photo import photograph
+
+from ..core.photo_data import LENS, camera, room
+
+ops = bpy.ops.bim_verify
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A photo and its cameras file with a coarse pose."""
+    folder = tmp_path_factory.mktemp("photos")
+    Image.fromarray(photograph(room(), camera())).save(folder / "room.png")
+    coarse = camera().moved(np.radians([0.5, -0.4, 0.3]), np.array([0.08, -0.05, 0.06]))
+    (folder / "cameras.json").write_text(json.dumps({"cameras": [camera_to_plain(coarse)]}))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def result(files: Path) -> CoregistrationResult:
+    coarse = KnownCamera(camera().moved(np.radians([0.5, -0.4, 0.3]), np.array([0.08, -0.05, 0.06])))
+    return job.coregister(room(), [files / "room.png"], CameraList((coarse,)))
+
+
+def test_the_operator_places_cameras_with_their_images(
+    blender: bpy.types.Scene, house: Path, files: Path, result: CoregistrationResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = {}
+
+    def stand_in(model: BuildingModel, images: list[Path], cameras: CameraList, *_: object) -> CoregistrationResult:
+        given["images"], given["cameras"] = images, cameras
+        return result
+
+    monkeypatch.setattr(job, "coregister", stand_in)
+    ops.import_ifc(filepath=str(house))
+    ops.coregister(filepath=str(files / "cameras.json"))
+    assert SESSION.job is None
+    assert [p.name for p in given["images"]] == ["room.png"] and len(given["cameras"].cameras) == 1
+    item = next(i for i in blender.objects if i.type == "CAMERA")
+    assert item["bim_verify_state"] == "REFINED" and blender.camera == item
+    assert Path(item.data.background_images[0].image.filepath).name == "room.png"
+    assert "1 of 1 images" in blender[photo_scene.SUMMARY_KEY]
+    step = next(c.step for c in CAPABILITIES if c.name == "photos")
+    assert step.state(blender).done
+    edges = next(i for i in blender.objects if i.name.endswith("edges"))
+    assert len(edges.data.edges) == sum(m.kept for m in result.registrations[0].matches)
+    assert photo_scene.RESIDUAL in edges.data.attributes
+
+
+def test_a_shown_camera_sees_points_where_the_image_has_them(
+    blender: bpy.types.Scene, result: CoregistrationResult
+) -> None:
+    assert photo_scene.show(blender, result)
+    blender.render.resolution_x, blender.render.resolution_y = LENS.width, LENS.height
+    item = next(i for i in blender.objects if i.type == "CAMERA")
+    bpy.context.view_layer.update()
+    straight = replace(result.camera(0), interior=replace(LENS, distortion=(0.0,) * 5))
+    for place in ((2.0, 3.9, 1.0), (4.4, 1.5, 1.9), (3.0, 3.9, 2.0)):
+        seen = world_to_camera_view(blender, item, Vector(place))
+        pixel = straight.project(np.array([place]))[0]
+        assert seen[0] * LENS.width - 0.5 == pytest.approx(pixel[0], abs=0.3)
+        assert (1 - seen[1]) * LENS.height - 0.5 == pytest.approx(pixel[1], abs=0.3)
+
+
+def test_without_images_beside_the_file_it_says_so(blender: bpy.types.Scene, house: Path, tmp_path: Path) -> None:
+    (tmp_path / "cameras.json").write_text(json.dumps({"cameras": [camera_to_plain(camera())]}))
+    ops.import_ifc(filepath=str(house))
+    with pytest.raises(RuntimeError, match="lies beside it"):
+        ops.coregister(filepath=str(tmp_path / "cameras.json"))

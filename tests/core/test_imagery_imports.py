@@ -1,0 +1,137 @@
+"""Bundle projects: plain JSON, COLMAP text and binary, Metashape XML; what is adjusted is what was written."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bim_verify.core.errors import BimVerifyError
+from bim_verify.core.imagery.bundle_problem import BundleProblem
+from bim_verify.core.imagery.bundle_project import adjusted_project, read_project
+from bim_verify.core.imagery.cameras_file import camera_to_plain, read_cameras
+from bim_verify.core.jobs.bundle import bundle as adjust
+
+from .imagery_data import bundle
+
+
+def as_json(problem: BundleProblem) -> dict[str, Any]:
+    o, c = problem.observed, problem.control
+    return {
+        "cameras": [camera_to_plain(camera) for camera in problem.cameras], "points": problem.points.tolist(),
+        "observations": np.column_stack([o.camera, o.point, o.pixel]).tolist(), "sigma_px": 0.5, "free": list(problem.free),
+        "control": [
+            {"point": int(p), "coordinates": x.tolist(), "sigma_m": s.tolist()}
+            for p, x, s in zip(c.point, c.coordinates, c.sigma, strict=True)
+        ],
+    }
+
+
+def quaternion(rotation: np.ndarray) -> list[float]:
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(rotation).as_quat()
+    return [w, x, y, z]
+
+
+def write_colmap(folder: Path, problem: BundleProblem, binary: bool) -> None:
+    folder.mkdir()
+    lens = problem.interiors[0]
+    p = [lens.fx, lens.fy, lens.cx + 0.5, lens.cy + 0.5, *lens.distortion[:4]]
+    o = problem.observed
+    poses = [(quaternion(c.rotation), (-c.rotation @ c.position).tolist()) for c in problem.cameras]
+    if binary:
+        head = struct.pack("<QiiQQ8d", 1, 7, 4, lens.width, lens.height, *p)
+        (folder / "cameras.bin").write_bytes(head)
+        data = struct.pack("<Q", len(poses))
+        for k, (q, t) in enumerate(poses):
+            rows = o.camera == k
+            data += struct.pack("<I7dI", k + 1, *q, *t, 7) + problem.cameras[k].name.encode() + b"\0"
+            data += struct.pack("<Q", rows.sum())
+            seen = zip(o.pixel[rows], o.point[rows], strict=True)
+            data += b"".join(struct.pack("<ddq", *(xy + 0.5), 100 + i) for xy, i in seen)
+        (folder / "images.bin").write_bytes(data)
+        data = struct.pack("<Q", len(problem.points))
+        for i, x in enumerate(problem.points):
+            data += struct.pack("<Q3d3BdQ2I", 100 + i, *x, 1, 2, 3, 0.5, 1, 1, 0)
+        (folder / "points3D.bin").write_bytes(data)
+        return
+    values = " ".join(map(repr, map(float, p)))
+    (folder / "cameras.txt").write_text(f"# cameras\n7 OPENCV {lens.width} {lens.height} {values}\n")
+    text = "# images\n"
+    for k, (q, t) in enumerate(poses):
+        rows = o.camera == k
+        text += f"{k + 1} {' '.join(map(repr, map(float, q + t)))} 7 {problem.cameras[k].name}\n"
+        text += " ".join(f"{float(u) + 0.5!r} {float(v) + 0.5!r} {100 + i}" for (u, v), i in zip(
+            o.pixel[rows], o.point[rows], strict=True
+        )) + "\n"
+    (folder / "images.txt").write_text(text)
+    (folder / "points3D.txt").write_text(
+        "".join(f"{100 + i} {' '.join(map(repr, map(float, x)))} 1 2 3 0.5 1 0\n" for i, x in enumerate(problem.points))
+    )
+
+
+@pytest.mark.parametrize("kind", ["json", "text", "binary"])
+def test_every_form_gives_the_same_adjustment(tmp_path: Path, kind: str) -> None:
+    problem, truth = bundle(3)
+    content = as_json(problem)
+    if kind != "json":
+        write_colmap(tmp_path / "sparse", problem, kind == "binary")
+        content = {"import": "sparse", **{k: content[k] for k in ("sigma_px", "free", "control")}}
+    (tmp_path / "project.json").write_text(json.dumps(content))
+    found = adjust(tmp_path / "project.json", robust=False)
+    direct = adjust(problem, robust=False)
+    assert np.abs(found.result.points - direct.result.points).max() < 1e-6
+    assert np.abs(found.result.points - truth).max() < 0.02
+    out = adjusted_project(found.problem, found.result, found.method)
+    (tmp_path / "adjusted.json").write_text(json.dumps(out, allow_nan=False))
+    again = read_project(tmp_path / "adjusted.json")
+    assert np.abs(again.points - found.result.points).max() < 1e-9 and len(again.observed) == len(problem.observed)
+    assert len(out["point_covariance"]) == len(truth) and min(row[0] for row in out["point_covariance"]) > 0
+
+
+def test_metashape_cameras_keep_where_points_are_seen(tmp_path: Path) -> None:
+    problem, truth = bundle(0)
+    camera, lens = problem.cameras[2], problem.cameras[2].interior
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = camera.rotation.T, (camera.position - [5.0, 6.0, 7.0]) / 2.0
+    (tmp_path / "cameras.xml").write_text(f"""<?xml version="1.0"?><document version="2.0"><chunk><sensors>
+<sensor id="0"><resolution width="{lens.width}" height="{lens.height}"/><calibration type="frame" class="adjusted">
+<f>{lens.fx}</f><cx>{lens.cx + 0.5 - lens.width / 2}</cx><cy>{lens.cy + 0.5 - lens.height / 2}</cy><k1>-0.02</k1>
+<p1>0.001</p1><p2>-0.0004</p2></calibration></sensor></sensors>
+<transform><rotation>1 0 0 0 1 0 0 0 1</rotation><translation>5 6 7</translation><scale>2</scale></transform>
+<cameras><camera id="0" sensor_id="0" label="c2.jpg"><transform>{' '.join(map(str, pose.ravel()))}</transform></camera>
+<camera id="1" sensor_id="0" label="not aligned"/></cameras></chunk></document>""")
+    read = read_cameras(tmp_path / "cameras.xml").of_image("c2.jpg").camera
+    assert np.abs(read.position - camera.position).max() < 1e-9
+    x, y = (read.project(truth[:5]) - [read.interior.cx, read.interior.cy]).T / read.interior.fx
+    r2 = x * x + y * y
+    bent = x * (1 - 0.02 * r2) + 0.001 * (r2 + 2 * x * x) - 0.0008 * x * y
+    u = lens.cx + 0.5 + lens.fx * bent
+    assert np.abs(read.interior.distort(read.project(truth[:5]))[:, 0] + 0.5 - u).max() < 1e-6
+
+
+@pytest.mark.parametrize(("change", "sentence"), [
+    ({"observations": [[0, 0, 1]]}, "rows of 4 or 5 numbers"), ({"observations": [[99, 0, 1, 1]]}, "names camera 99"),
+    ({"free": ["f", "zoom"]}, "zoom cannot be calibrated"), ({"control": [{"point": 900}]}, "needs a point"),
+    ({"import": "nowhere"}, "neither a folder of COLMAP"), ({"sigma_px": -1}, "larger than zero"),
+])
+def test_projects_that_cannot_be_right_are_refused(tmp_path: Path, change: dict[str, Any], sentence: str) -> None:
+    problem, _ = bundle(0)
+    (tmp_path / "project.json").write_text(json.dumps(as_json(problem) | change))
+    with pytest.raises(BimVerifyError, match=sentence):
+        read_project(tmp_path / "project.json")
+
+
+def test_a_colmap_model_that_is_cut_off_is_refused(tmp_path: Path) -> None:
+    problem, _ = bundle(0)
+    write_colmap(tmp_path / "sparse", problem, True)
+    data = (tmp_path / "sparse" / "images.bin").read_bytes()
+    (tmp_path / "sparse" / "images.bin").write_bytes(data[: len(data) // 2])
+    (tmp_path / "project.json").write_text(json.dumps({"import": "sparse"}))
+    with pytest.raises(BimVerifyError, match="no COLMAP model that can be read"):
+        read_project(tmp_path / "project.json")

@@ -1,0 +1,68 @@
+"""Tie points of a bundle as evidence: walls that were photographed are confirmed, one that is not there is not."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from bim_verify.core.imagery.cameras_file import camera_to_plain
+from bim_verify.core.jobs import verify
+from bim_verify.core.model.raycast import RayScene
+from bim_verify.core.options import VerifyOptions
+from bim_verify.core.scans.open import open_scans
+from bim_verify.core.simulation.photo import looking
+
+from .photo_data import camera, room
+
+SIGMA_M = 0.004
+
+
+def project(path: Path, missing: str = "") -> Path:
+    """Tie points on what four cameras see of the room without one element, seen by at least two of them."""
+    model = room()
+    shift = np.zeros((len(model.elements), 3))
+    shift[[e.name == missing for e in model.elements]] = np.nan
+    scene, rng = RayScene(model, shift), np.random.default_rng(1)
+    cameras = [
+        camera(f"{k}.jpg").moved(np.zeros(3), np.array([x, y, 0.0]))
+        for k, (x, y) in enumerate(((0.0, 0.0), (0.4, 0.1), (0.1, 0.5), (0.6, 0.3)))
+    ]
+    cameras = [type(c)(c.name, c.interior, looking(0.9 + 0.05 * k, -0.05, 0.0), c.position) for k, c in enumerate(cameras)]
+    ray = np.column_stack([rng.uniform(-0.6, 0.6, 6000), rng.uniform(-0.45, 0.45, 6000), np.ones(6000)]) @ cameras[0].rotation
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    reach, triangle = scene.first_hit(np.repeat(cameras[0].position[None], len(ray), 0), ray)
+    points = cameras[0].position + ray[triangle >= 0] * reach[triangle >= 0, None]
+    observations = []
+    for k, one in enumerate(cameras):
+        to = points - one.position
+        far = np.linalg.norm(to, axis=1)
+        first, _ = scene.first_hit(np.repeat(one.position[None], len(to), 0), to / far[:, None])
+        pixel = one.interior.distort(one.project(points))
+        inside = ((pixel > 0) & (pixel < [639, 479])).all(axis=1) & (np.abs(first - far) < 0.01)
+        observations += [[k, int(i), *map(float, pixel[i])] for i in np.flatnonzero(inside)]
+    shaken = points + rng.normal(0, SIGMA_M, points.shape)
+    path.write_text(json.dumps({
+        "format": "bim_verify.bundle", "cameras": [camera_to_plain(c) for c in cameras], "points": shaken.tolist(),
+        "observations": observations,
+    }))
+    return path
+
+
+def test_a_bundle_is_opened_like_a_scan_with_a_station_per_camera(tmp_path: Path) -> None:
+    source = open_scans([project(tmp_path / "adjusted.json")])
+    assert len(source.stations) == 4 and all(s.known for s in source.stations)
+    block = next(source.blocks())
+    assert np.linalg.norm(block.offsets, axis=1).max() < 6.5
+
+
+def test_tie_points_confirm_what_they_lie_on_and_not_what_is_gone(tmp_path: Path) -> None:
+    options = VerifyOptions(loa=20, sigma=SIGMA_M, sample_spacing=0.1)
+    verdicts = {}
+    for missing in ("", "table"):
+        found = verify(room(), [project(tmp_path / "adjusted.json", missing)], options)
+        verdicts[missing] = {e.name: v.status for e, v in zip(found.model.elements, found.verdicts, strict=True)}
+    assert verdicts[""]["north"] == "CONFIRMED" and verdicts[""]["table"] in ("CONFIRMED", "PARTIAL")
+    assert verdicts["table"]["table"] == "ABSENT" and verdicts["table"]["north"] == "CONFIRMED"
+    assert verdicts[""]["west"] == "NOTOBSERVED"
