@@ -12,24 +12,28 @@ from .decide import Context, Place, assess_place
 from .outline import goes_on, ring
 from .scenery import AsBuilt, Scenery, with_glass
 
-MOST_PROBES = 1500
-"""Query positions of an element that test a shifted place: shares to a few percent."""
+MOST_PROBES, COARSE_PROBES = 1500, 100
+"""Query positions of an element that test a shifted place: shares to a few percent, and to ten percent."""
 
 
 def probe(
-    scenery: Scenery, asked: list[tuple[int, NDArray[np.float64]]], first: NDArray[np.int64],
-    as_built: AsBuilt | None, context: Context, progress: Progress, most: int = MOST_PROBES,
+    scenery: Scenery, asked: list[tuple[int, NDArray[np.float64]]], as_built: AsBuilt | None, context: Context,
+    progress: Progress, *, coarse: bool = False, searched: bool = False,
 ) -> dict[int, list[Place]]:
-    """Assess the shifted places asked for, each with up to about ``most`` query positions."""
+    """Assess the shifted places asked for; ``coarse`` with few query positions, and without asking where the surface ends.
+
+    Places that were ``searched`` one after the other must fit better than others (``Scenery.explain``).
+    """
     if not asked:
         return {}
     samples = scenery.samples
     shifts = np.array([s for _, s in asked])
-    rows_of = _rows(scenery, asked, first, as_built, most)
-    own, around = [], []
-    for (rows, _), shift in zip(rows_of, shifts, strict=True):
-        own.append(rows)
-        around.append(ring(samples.position[rows] + shift, samples.normal[rows], shift, scenery.ring_margin))
+    rows_of = _rows(scenery, asked, as_built, COARSE_PROBES if coarse else MOST_PROBES)
+    own = [rows for rows, _ in rows_of]
+    around = [
+        ring(samples.position[rows] + shift, samples.normal[rows], shift, scenery.ring_margin)
+        for rows, shift in zip(own, shifts, strict=True) if not coarse
+    ] or [(np.zeros((0, 3)), np.zeros((0, 3)))] * len(own)
     sample = np.concatenate(own)
     size = np.array([len(r) for r in own])
     ring_size = np.array([len(p) for p, _ in around])
@@ -46,7 +50,7 @@ def probe(
     )
     seen = scenery.look(queries, progress)
     on_ring = seen.sample >= len(sample)
-    seen = scenery.explain(seen, seen.on_face | on_ring, queries.element[seen.sample], as_built, ~on_ring)
+    seen = scenery.explain(seen, seen.on_face | on_ring, queries.element[seen.sample], as_built, ~on_ring, searched)
     seen = with_glass(scenery, seen, queries.triangle[seen.sample], context.see_through)
     found: dict[int, list[Place]] = {}
     for k, (e, shift) in enumerate(asked):
@@ -63,14 +67,14 @@ def probe(
 
 
 def _rows(
-    scenery: Scenery, asked: list[tuple[int, NDArray[np.float64]]], first: NDArray[np.int64], as_built: AsBuilt | None,
-    most: int,
+    scenery: Scenery, asked: list[tuple[int, NDArray[np.float64]]], as_built: AsBuilt | None, most: int
 ) -> list[tuple[NDArray[np.int64], float]]:
     """For each place asked for, the samples that are exposed there, and how many of them each kept one stands for.
 
     What is exposed by plan is taken for exposed; what is not may come into view where the element stands instead.
     """
     s = scenery.samples
+    first = s.first_of(len(scenery.model.elements))
     step = [max(int(first[e + 1] - first[e]) // most, 1) for e, _ in asked]
     rows = [np.arange(first[e], first[e + 1], n) for (e, _), n in zip(asked, step, strict=True)]
     size = [len(r) for r in rows]

@@ -55,23 +55,27 @@ class Scenery:
 
     def explain(
         self, seen: Sightings, asked: NDArray[np.bool_], element: NDArray[np.int32], as_built: AsBuilt | None,
-        shifted: NDArray[np.bool_] | None = None,
+        shifted: NDArray[np.bool_] | None = None, searched: bool = False,
     ) -> Sightings:
         """The same sightings, with the returns that other surfaces explain; ``asked`` (M,) are the rows that matter.
 
         These are all planned surfaces and, where some elements were found elsewhere, what those others look like as built;
         an element's own moved surface explains nothing, since it is what is looked for. ``element`` (M,) of the queries.
-        A return that fits the plan of an element which stands there as well as it fits the query is that element's, for the
-        queries that ask for a ``shifted`` place (M,).
+        Queries that ask for a ``shifted`` place (M,) yield to an element that stands as planned what fits that one as well.
+        Of places that were ``searched`` one after the other some fit by chance: they yield what such an element would
+        explain if it stood a little off, and what fits a stronger element that was found elsewhere.
         """
         known = self.station_positions, self.sensor.sigma, self.explain_within
         found = explain(seen, known[0], self.scene, *known[1:], asked, element)
         if shifted is not None:
             standing = np.ones(len(self.model.elements), np.bool_) if as_built is None else ~as_built.elsewhere
-            found |= explain(seen, known[0], self.scene, *known[1:], asked & shifted & ~found, element, yields=standing)
+            rest = asked & shifted & ~found
+            give_way = self.explain_within if searched else self.sensor.sigma
+            found |= explain(seen, known[0], self.scene, *known[1:], rest, element, yields=standing, give_way=give_way)
         if as_built is not None:
             found |= explain(
-                seen, known[0], as_built.scene, *known[1:], asked & ~found, element, strength=as_built.strength
+                seen, known[0], as_built.scene, *known[1:], asked & ~found, element, strength=as_built.strength,
+                yields=as_built.elsewhere if searched else None, give_way=self.sensor.sigma,
             )
         return Sightings(**{**vars(seen), "explained": seen.explained | found})
 

@@ -13,12 +13,13 @@ from ..progress import Progress
 from .decide import Context, Place, enough_seen
 from .hypotheses import face_groups
 from .probe import probe
-from .scenery import AsBuilt, Scenery
+from .scenery import Scenery
 from .sightings import SEARCH_M, Sightings
 
 LEAST_RAYS = 6
 """With fewer unexplained returns around it there is nothing to find."""
-COARSE_PROBES = 200
+ELEMENTS_AT_ONCE = 100
+"""So that memory does not follow the number of elements."""
 MOST_AXES = 3
 SAME_AXIS = 0.97
 
@@ -34,19 +35,24 @@ def unsettled(plan: Place, seen: Sightings, context: Context) -> bool:
 
 
 def search(
-    scenery: Scenery, elements: list[int], first: NDArray[np.int64], as_built: AsBuilt | None, context: Context,
-    progress: Progress,
-) -> dict[int, Place]:
-    """For each of the ``elements``, the shifted place that most speaks for, of those where most of it is found."""
-    asked = [(e, shift) for e in elements for shift in _steps(scenery, e, context.window)]
-    coarse = probe(scenery, asked, first, as_built, context, progress, COARSE_PROBES)
-    again = []
-    for e, tried in coarse.items():
-        good = [p for p in tried if p.share >= context.thresholds.present_share and len(p.fit.determined)]
-        if good:
-            again.append((e, max(good, key=lambda p: p.at).fit.vector))
-    fine = probe(scenery, again, first, as_built, context, progress)
-    return {e: found[0] for e, found in fine.items()}
+    scenery: Scenery, elements: list[int], context: Context, progress: Progress
+) -> dict[int, NDArray[np.float64]]:
+    """For each of the ``elements``, the shift (3,) at which most of it is found, where it is found at all.
+
+    Within the window it would have been found at its plan.
+    """
+    found: dict[int, NDArray[np.float64]] = {}
+    for start in range(0, len(elements), ELEMENTS_AT_ONCE):
+        part = elements[start : start + ELEMENTS_AT_ONCE]
+        asked = [(e, shift) for e in part for shift in _steps(scenery, e, context.window)]
+        for e, tried in probe(scenery, asked, None, context, progress, coarse=True, searched=True).items():
+            good = [
+                p for p in tried
+                if p.share >= context.thresholds.present_share and np.linalg.norm(p.fit.vector) > context.window
+            ]
+            if good:
+                found[e] = max(good, key=lambda p: p.at).fit.vector
+    return found
 
 
 def _steps(scenery: Scenery, e: int, window: float) -> list[NDArray[np.float64]]:

@@ -147,6 +147,7 @@ def explain(
     *,
     strength: NDArray[np.float64] | None = None,
     yields: NDArray[np.bool_] | None = None,
+    give_way: float = 0.0,
 ) -> NDArray[np.bool_]:
     """(M,) whether another surface accounts for the return better than the query's own.
 
@@ -156,8 +157,8 @@ def explain(
     stations (S, 3) positions in the local frame. A surface in ``scene``, of another element or another face of the same
     one, explains a return when the ray meets it from outside, it is nearer to the return along its normal than the
     query's own surface, and not farther than ``within`` metres. With ``strength`` (E,) only elements of more strength than
-    the query's own ``element`` (M,) count. To the elements that ``yields`` (E,) names a query yields when their surface is
-    about as near as its own. ``asked`` (M,) are the rows to look at.
+    the query's own ``element`` (M,) count. To the elements that ``yields`` (E,) names a query yields unless its own surface
+    is nearer by ``give_way`` metres. ``asked`` (M,) are the rows to look at.
     """
     explained = np.zeros(len(seen), dtype=np.bool_)
     away_from_own = np.abs(seen.deviation)
@@ -179,7 +180,7 @@ def explain(
             facing = np.abs(np.einsum("ij,ij->i", ray, scene.normal[triangle]))
             with np.errstate(invalid="ignore"):
                 away = np.abs(distance - back) * facing
-            lead = sigma if yields is None else np.where(yields[other] & (other != element[row]), -sigma, sigma)
+            lead = sigma if yields is None else np.where(yields[other] & (other != element[row]), -give_way, sigma)
             explained[row] |= met & (away <= within) & (away + lead < away_from_own[row])
 
     in_chunks(len(doubtful), work)

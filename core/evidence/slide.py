@@ -136,7 +136,7 @@ def probe_slides(
         return {}
     s = scenery.samples
     margin = scenery.ring_margin
-    first = np.searchsorted(s.element, np.arange(len(plans) + 1))
+    first = s.first_of(len(plans))
     position, sample, owner, shift = [], [], [], []
     beyond_end = []
     for k, slide in enumerate(asked):

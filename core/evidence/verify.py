@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..model.elements import BuildingModel
 from ..model.sample_surface import is_exposed
@@ -65,7 +66,10 @@ def places(scenery: Scenery, seen: Sightings, context: Context, progress: Progre
     its neighbours, and what an absent covering hid is looked at.
     """
     seen = scenery.explain(seen, seen.on_face, scenery.samples.element[seen.sample], None)
-    plans, best = _round(scenery, seen, context, None, progress.part(0.0, 0.5))
+    plans, best = _round(scenery, seen, context, None, {}, progress.part(0.0, 0.4))
+    lost = _lost(scenery, seen, plans, best, context)
+    found = search(scenery, lost, context, progress.part(0.4, 0.6))
+    best = _chosen(plans, best, probe(scenery, list(found.items()), None, context, Progress(), searched=True), context)
     as_built = AsBuilt.of(scenery.model, plans, best, context)
     if as_built is None:
         return Findings(plans, _refined(scenery, plans, best, None, context), scenery.samples, seen)
@@ -73,7 +77,7 @@ def places(scenery: Scenery, seen: Sightings, context: Context, progress: Progre
     seen = Sightings.join([seen, uncovered])
     seen = seen.rows(np.lexsort((seen.station, seen.sample)))
     seen = scenery.explain(seen, seen.on_face, scenery.samples.element[seen.sample], as_built)
-    plans, best = _round(scenery, seen, context, as_built, progress.part(0.5, 1.0))
+    plans, best = _round(scenery, seen, context, as_built, found, progress.part(0.6, 1.0))
     return Findings(plans, _refined(scenery, plans, best, as_built, context), scenery.samples, seen)
 
 
@@ -105,28 +109,24 @@ def _uncover(
 
 
 def _round(
-    scenery: Scenery, seen: Sightings, context: Context, as_built: AsBuilt | None, progress: Progress
+    scenery: Scenery, seen: Sightings, context: Context, as_built: AsBuilt | None,
+    found: dict[int, NDArray[np.float64]], progress: Progress,
 ) -> tuple[list[Place], list[Place]]:
     samples = scenery.samples
     count = len(scenery.model.elements)
-    first = np.searchsorted(samples.element, np.arange(count + 1))
-    edge = np.searchsorted(seen.sample, first)
+    edge = np.searchsorted(seen.sample, samples.first_of(count))
     exposed = np.bincount(samples.element, weights=samples.area * samples.exposed, minlength=count)
-    plans, asked, slides = [], [], []
+    plans, slides = [], []
+    asked: list[tuple[int, NDArray[np.float64]]] = []
     for e in range(count):
         part = seen.rows(slice(edge[e], edge[e + 1]))
         local = part.sample.astype(np.int64)
         plans.append(assess_place(np.zeros(3), part, samples.area[local], float(exposed[e]), context))
         asked += [(e, shift) for shift in propose(part, local, samples, context)]
         slides += candidate_slides(scenery, e, part, context)
-    others = probe(scenery, asked, first, as_built, context, progress)
-    best = [choose(plans[e], others.get(e, []), context) for e in range(count)]
-    lost = [
-        e for e in range(count)
-        if best[e] is plans[e] and unsettled(plans[e], seen.rows(slice(edge[e], edge[e + 1])), context)
-    ]
-    for e, place in search(scenery, lost, first, as_built, context, progress).items():
-        best[e] = choose(plans[e], [place], context)
+    best = _chosen(plans, plans, probe(scenery, asked, as_built, context, progress), context)
+    lost = [(e, shift) for e, shift in found.items() if best[e] is plans[e]]
+    best = _chosen(plans, best, probe(scenery, lost, as_built, context, Progress(), searched=True), context)
     slid = probe_slides(scenery, slides, plans, as_built, context, progress)
     for e, places_ in slid.items():
         if best[e] is plans[e]:
@@ -134,12 +134,29 @@ def _round(
     return plans, best
 
 
+def _chosen(
+    plans: list[Place], best: list[Place], others: dict[int, list[Place]], context: Context
+) -> list[Place]:
+    """The ``best`` places, with each element of ``others`` at the place that explains most of it."""
+    return [choose(plan, others[e], context) if e in others else best[e] for e, plan in enumerate(plans)]
+
+
+def _lost(
+    scenery: Scenery, seen: Sightings, plans: list[Place], best: list[Place], context: Context
+) -> list[int]:
+    """Elements that are neither at their place nor found elsewhere, though something strange was seen around them."""
+    edge = np.searchsorted(seen.sample, scenery.samples.first_of(len(plans)))
+    return [
+        e for e, plan in enumerate(plans)
+        if best[e] is plan and unsettled(plan, seen.rows(slice(edge[e], edge[e + 1])), context)
+    ]
+
+
 def _refined(
     scenery: Scenery, plans: list[Place], best: list[Place], as_built: AsBuilt | None, context: Context
 ) -> list[Place]:
     """Look again from where the fit says that a moved element stands: round surfaces are flat only over a small step."""
     best = list(best)
-    first = np.searchsorted(scenery.samples.element, np.arange(len(plans) + 1))
     for _ in range(MOST_REFINEMENTS):
         again = [
             (e, place.fit.vector) for e, place in enumerate(best)
@@ -147,7 +164,7 @@ def _refined(
         ]
         if not again:
             break
-        nearer = probe(scenery, again, first, as_built, context, Progress())
+        nearer = probe(scenery, again, as_built, context, Progress())
         for e, found in nearer.items():
             if found[0].at >= STILL_THERE * best[e].at and len(found[0].fit.determined) >= len(best[e].fit.determined):
                 best[e] = found[0]
