@@ -19,8 +19,9 @@ from ..evidence.collect import StationIndexes
 from ..evidence.decide import Context, Place, enough_seen, standing_shares
 from ..evidence.error_model import estimate_errors
 from ..evidence.gather import SensorModel
+from ..evidence.scenery import Scenery, with_glass
 from ..evidence.thresholds import Thresholds
-from ..evidence.verify import Scenery, comes_near, looks_through_glass, places, with_glass
+from ..evidence.verify import comes_near, looks_through_glass, places
 from ..model.elements import BuildingModel
 from ..model.on_element import ElementSurfaces
 from ..model.raycast import RayScene

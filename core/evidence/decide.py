@@ -44,6 +44,8 @@ class Place:
     at: float
     beyond: float
     hidden: float
+    exposed: float
+    """What could be seen of it there."""
     sightings: int
     rays: int
     """Different returns that tell something about it."""
@@ -58,16 +60,16 @@ class Place:
 
 
 def assess_place(
-    shift: NDArray[np.float64], seen: Sightings, area: NDArray[np.float64], context: Context
+    shift: NDArray[np.float64], seen: Sightings, area: NDArray[np.float64], exposed: float, context: Context
 ) -> Place:
-    """Assess one place from its sightings ``seen`` (M) and the ``area`` (M,) [m2] that each query stands for."""
+    """Assess one place, with ``exposed`` m2, from its sightings ``seen`` (M) and the ``area`` (M,) [m2] each stands for."""
     state = seen.state(context.window)
     at = (state == AT) & seen.on_face
     beyond = (state == BEYOND) & seen.on_face
     shared = shared_area(seen, area, at | beyond)
     front = (state == FRONT) & seen.on_face
     return Place(
-        shift, float(shared[at].sum()), float(shared[beyond].sum()), float(shared_area(seen, area, front).sum()),
+        shift, float(shared[at].sum()), float(shared[beyond].sum()), float(shared_area(seen, area, front).sum()), exposed,
         int((at | beyond).sum()), len(np.unique(seen.ray_key(at | beyond))),
         tuple(np.unique(seen.station[at | beyond]).tolist()), fit_shift(seen.rows(at), context.errors).plus(shift),
     )
@@ -104,13 +106,13 @@ def propose(
     return candidate_shifts(seen.deviation, samples.normal[local], weight, usable, 0.6 * context.window)
 
 
-def choose(plan: Place, others: list[Place], exposed: float, context: Context) -> Place:
-    """The place that explains most of an element with ``exposed`` m2; the plan unless another is clearly better."""
+def choose(plan: Place, others: list[Place], context: Context) -> Place:
+    """The place that explains most of an element; the plan unless another is clearly better."""
     best = plan
     for place in others:
-        if place.at < context.thresholds.moved_seen_share * exposed or not len(place.fit.determined):
+        if place.at < context.thresholds.moved_seen_share * place.exposed or not len(place.fit.determined):
             continue
-        if not enough_seen(place, (place.at + place.beyond) / max(exposed, 1e-12), context.thresholds):
+        if not enough_seen(place, (place.at + place.beyond) / max(place.exposed, 1e-12), context.thresholds):
             continue
         if place.share >= context.thresholds.present_share and place.at > context.thresholds.moved_gain * max(
             best.at * (best.share if best is plan else 1.0), 1e-9

@@ -143,8 +143,11 @@ def explain(
     sigma: float,
     within: float,
     asked: NDArray[np.bool_],
-    element: NDArray[np.int32] | None = None,
+    element: NDArray[np.int32],
+    *,
     strength: NDArray[np.float64] | None = None,
+    yields: NDArray[np.bool_] | None = None,
+    give_way: float = 0.0,
 ) -> NDArray[np.bool_]:
     """(M,) whether another surface accounts for the return better than the query's own.
 
@@ -153,13 +156,14 @@ def explain(
 
     stations (S, 3) positions in the local frame. A surface in ``scene``, of another element or another face of the same
     one, explains a return when the ray meets it from outside, it is nearer to the return along its normal than the
-    query's own surface, and not farther than ``within`` metres. With ``element`` (M,) of the queries and ``strength`` (E,)
-    only elements of more strength than the query's own count.
-    ``asked`` (M,) are the rows to look at.
+    query's own surface, and not farther than ``within`` metres. With ``strength`` (E,) only elements of more strength than
+    the query's own ``element`` (M,) count. To the elements that ``yields`` (E,) names a query yields unless its own surface
+    is nearer by ``give_way`` metres. ``asked`` (M,) are the rows to look at.
     """
     explained = np.zeros(len(seen), dtype=np.bool_)
     away_from_own = np.abs(seen.deviation)
-    doubtful = np.flatnonzero((away_from_own > sigma) & (away_from_own <= SEARCH_M) & ~seen.explained & asked)
+    least = sigma if yields is None else 0.0
+    doubtful = np.flatnonzero((away_from_own >= least) & (away_from_own <= SEARCH_M) & ~seen.explained & asked)
     back = within / GRAZE
 
     def work(part: slice) -> None:
@@ -170,12 +174,14 @@ def explain(
         hits = scene.all_hits(point - back * ray, ray, 2 * back, most=8)
         for distance, triangle, entering in zip(hits.distance, hits.triangle, hits.entering, strict=True):
             met = (triangle >= 0) & entering
-            if element is not None and strength is not None:
-                met &= strength[scene.element[triangle]] > strength[element[row]]
+            other = scene.element[triangle]
+            if strength is not None:
+                met &= strength[other] > strength[element[row]]
             facing = np.abs(np.einsum("ij,ij->i", ray, scene.normal[triangle]))
             with np.errstate(invalid="ignore"):
                 away = np.abs(distance - back) * facing
-            explained[row] |= met & (away <= within) & (away + sigma < np.abs(seen.deviation[row]))
+            lead = sigma if yields is None else np.where(yields[other] & (other != element[row]), -give_way, sigma)
+            explained[row] |= met & (away <= within) & (away + lead < away_from_own[row])
 
     in_chunks(len(doubtful), work)
     return explained

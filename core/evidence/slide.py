@@ -22,7 +22,7 @@ from .outline import goes_on
 from .sightings import AT, BEYOND, SEARCH_M, Sightings
 
 if TYPE_CHECKING:
-    from .verify import AsBuilt, Scenery
+    from .scenery import AsBuilt, Scenery
 
 Array = NDArray[np.float64]
 
@@ -136,7 +136,7 @@ def probe_slides(
         return {}
     s = scenery.samples
     margin = scenery.ring_margin
-    first = np.searchsorted(s.element, np.arange(len(plans) + 1))
+    first = s.first_of(len(plans))
     position, sample, owner, shift = [], [], [], []
     beyond_end = []
     for k, slide in enumerate(asked):
@@ -189,6 +189,7 @@ def slid(slide: Slide, plan: Place, covered: int) -> Place:
         )
     left_area = slide.rays / max(plan.rays, 1) * (plan.at + plan.beyond)
     return Place(
-        slide.vector, plan.at, max(plan.beyond - left_area, 0.0), plan.hidden, plan.sightings + covered, plan.rays + covered,
+        slide.vector, plan.at, max(plan.beyond - left_area, 0.0), plan.hidden, plan.exposed, plan.sightings + covered,
+        plan.rays + covered,
         plan.stations, fit,
     )

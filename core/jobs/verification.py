@@ -19,9 +19,10 @@ from ..evidence.decide import Context
 from ..evidence.error_model import estimate_errors
 from ..evidence.fuse_samples import fuse_samples
 from ..evidence.gather import SensorModel
+from ..evidence.scenery import Scenery, with_glass
 from ..evidence.sightings import Sightings
 from ..evidence.thresholds import Thresholds
-from ..evidence.verify import Findings, Scenery, comes_near, looks_through_glass, places, with_glass
+from ..evidence.verify import Findings, comes_near, looks_through_glass, places
 from ..model.elements import BuildingModel
 from ..model.on_element import ElementSurfaces
 from ..model.raycast import RayScene

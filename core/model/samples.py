@@ -27,3 +27,8 @@ class SurfaceSamples:
 
     def __len__(self) -> int:
         return len(self.area)
+
+    def first_of(self, elements: int) -> NDArray[np.int64]:
+        """(elements + 1,) element ``e`` owns the rows ``first[e]:first[e + 1]``."""
+        first: NDArray[np.int64] = np.searchsorted(self.element, np.arange(elements + 1))
+        return first

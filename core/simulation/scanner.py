@@ -81,6 +81,12 @@ class Scanner:
         azimuth = (np.arange(grid.columns) + 0.5) * (2 * math.pi / grid.columns)
         return elevation, azimuth
 
+    def beam(self, row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.float64]:
+        """(N, 3) unit vectors of the beams' centres, sensor frame."""
+        grid = self.grid
+        elevation = self.elevation_min + (row + 0.5) * (self.elevation_max - self.elevation_min) / grid.rows
+        return _unit(elevation, (column + 0.5) * (2 * math.pi / grid.columns))
+
     def cell(self, direction: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Row and column of the beam nearest to each (N, 3) direction (sensor frame); row -1 where none is shot."""
         grid = self.grid

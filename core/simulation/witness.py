@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..model.elements import BuildingModel
+from ..model.on_element import ElementSurfaces
 from ..scans.campaign import Grid
 from .scanner import Scanner, SimulatedReturns
 from .scene import Edit, Scene, build_scene
@@ -20,7 +21,8 @@ STEEPEST_COS = 0.17
 SIGHT_TOLERANCE_M = 0.003
 """A planned point counts as in sight when the beam ends no more than this before it."""
 RETURN_TOLERANCE_M = 0.01
-"""A return no more than this before the planned point is at the point or beyond it."""
+"""A return this close to the planned point is at it; from there on it is before it or beyond it."""
+ON_FACE_M = 0.005
 MOST_SURFACES = 16
 RESTART_M = 1e-4
 
@@ -63,15 +65,19 @@ class Witness:
 
     What an element was built as never hides its own planned surface: a wall built closer to the scanner shows that it
     was moved. A removed element has no body that could hide anything. A return from behind a pane says nothing about
-    the pane.
+    the pane, a beam that passes beside a slender element nothing about the element, and a return from another thing at the
+    very place of an element nothing about whether that element is gone.
     """
 
     def __init__(self, model: BuildingModel, scene: Scene, edits: Mapping[int, Edit], scanner: Scanner) -> None:
         self._scene, self._scanner = scene, scanner
+        self._surfaces = ElementSurfaces(model)
         self._planned = build_scene(model, {}, ())
         self._points = _planned_points(model)
         self._stands = np.ones(len(model.elements), dtype=np.bool_)
         self._stands[[row for row, edit in edits.items() if edit.kind == "remove"]] = False
+        self._edited = np.zeros(len(model.elements), dtype=np.bool_)
+        self._edited[list(edits)] = True
         self._sheet = ~model.closed  # both sides of an open sheet are one surface: seen from either, it is seen
         pane = scene.pane_of_model if scene.pane_of_model is not None else np.zeros(len(model.triangles), np.bool_)
         self._pane = pane[self._points.triangle] & self._stands[self._points.element]
@@ -97,8 +103,22 @@ class Witness:
         at = at[facing[at] > STEEPEST_COS]
         row, column = self._scanner.cell(ray[at] @ view.rotation)
         measured, owner = view.distance[row, column], view.owner[row, column]
-        beyond = (measured > distance[at] - RETURN_TOLERANCE_M) & ~self._pane[at]
+        tolerance = np.where(self._edited[points.element[at]], RETURN_TOLERANCE_M, -RETURN_TOLERANCE_M)
+        beyond = (measured > distance[at] + tolerance) & ~self._pane[at]
+        beyond[beyond] = self._crosses(view, row[beyond], column[beyond], at[beyond])
         self._proven[at] |= (row >= 0) & (owner >= 0) & (beyond | (owner == points.element[at]))
+
+    def _crosses(
+        self, view: StationView, row: NDArray[np.int64], column: NDArray[np.int64], at: NDArray[np.int64]
+    ) -> NDArray[np.bool_]:
+        """(N,) whether the beam shot at ``row``, ``column`` crosses the planned face of the element of point ``at``."""
+        points = self._points
+        beam = self._scanner.beam(row, column) @ view.rotation.T
+        normal = points.normal[at]
+        to_plane = np.einsum("ij,ij->i", points.position[at] - view.position, normal) / np.einsum("ij,ij->i", beam, normal)
+        crossing = view.position + beam * to_plane[:, None]
+        triangle = points.triangle[at].astype(np.int32)
+        return self._surfaces.face_at(crossing, normal, points.element[at], triangle, ON_FACE_M) >= 0
 
     @property
     def visible(self) -> NDArray[np.float64]:

@@ -88,7 +88,7 @@ def test_truth_says_what_was_done_and_what_can_be_proven(tmp_path: Path) -> None
     east = record["east"]
     assert (east["edit"], east["offset"], east["direction"]) == ("shift", SHIFT, [1, 0, 0])
     assert record["cupboard"]["edit"] == "remove" and record["cupboard"]["hits"] == 0
-    assert record["cupboard"]["witnessed"] > 0.3, "beams went through where it should stand"
+    assert record["cupboard"]["witnessed"] > 0.25, "beams went through where it should stand"
     assert record["buried"]["visible"] == record["buried"]["witnessed"] == record["buried"]["hits"] == 0
     assert record["west"]["edit"] == "none" and record["west"]["hits"] > 1000
     inner_face = 5.0 * 2.7 / (2 * (5.0 * 2.7 + 0.2 * 2.7 + 0.2 * 5.0))

@@ -43,7 +43,7 @@ def test_no_end_is_found_where_nothing_all_or_anything_else_passes(passed: np.nd
 
 
 def test_a_few_rays_on_a_small_part_are_no_evidence() -> None:
-    place = Place(np.zeros(3), 0.1, 0.0, 0.0, sightings=40, rays=15, stations=(0,), fit=NOTHING)
+    place = Place(np.zeros(3), 0.1, 0.0, 0.0, exposed=1.0, sightings=40, rays=15, stations=(0,), fit=NOTHING)
     assert not enough_seen(place, 0.03, Thresholds())
     assert enough_seen(place, 0.3, Thresholds())
     assert enough_seen(dataclasses.replace(place, rays=200), 0.03, Thresholds())
