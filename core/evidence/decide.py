@@ -241,7 +241,8 @@ def _status(
         place = f"It stands {mm} from its planned place, where {best.share:.0%} of what was seen of it fits"
         if length is not None and length <= bound:
             return "CONFIRMED", f"{place}; that is within {label(context.loa)}."
-        return "DEVIATING", f"{place}; only {plan.share:.0%} fits the plan. {label(context.loa)} allows {1000 * bound:.0f} mm."
+        less = f"only {plan.share:.0%} fits" if plan.share < best.share else f"only {plan.at:.2f} m2, not {best.at:.2f} m2, fit"
+        return "DEVIATING", f"{place}; {less} the plan. {label(context.loa)} allows {1000 * bound:.0f} mm."
     if whole <= 0:
         return "NOTOBSERVED", "Other elements touch or enclose its whole surface, so no scanner can see it."
     if not enough_seen(plan, share, t):
