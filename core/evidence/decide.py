@@ -19,6 +19,9 @@ from .hypotheses import candidate_shifts
 from .sightings import AT, BEYOND, FRONT, SEARCH_M, Sightings
 from .thresholds import Thresholds
 
+STILL_AT_PLAN = 0.6
+"""A place this much of the window, or less, from the plan is no other place: at its plan the element was not found."""
+
 
 @dataclass(frozen=True)
 class Context:
@@ -103,7 +106,7 @@ def propose(
     usable = seen.on_face & ~seen.explained
     tells = seen.on_face & ~(seen.explained & (seen.deviation > 0)) & (seen.deviation <= SEARCH_M)
     weight = shared_area(seen, samples.area[local], tells)
-    return candidate_shifts(seen.deviation, samples.normal[local], weight, usable, 0.6 * context.window)
+    return candidate_shifts(seen.deviation, samples.normal[local], weight, usable, STILL_AT_PLAN * context.window)
 
 
 def choose(plan: Place, others: list[Place], context: Context) -> Place:
@@ -111,6 +114,8 @@ def choose(plan: Place, others: list[Place], context: Context) -> Place:
     best = plan
     for place in others:
         if place.at < context.thresholds.moved_seen_share * place.exposed or not len(place.fit.determined):
+            continue
+        if np.linalg.norm(place.fit.vector) <= STILL_AT_PLAN * context.window:
             continue
         if not enough_seen(place, (place.at + place.beyond) / max(place.exposed, 1e-12), context.thresholds):
             continue

@@ -13,7 +13,7 @@ from ..model.samples import SurfaceSamples
 from ..model.shared_faces import drop_shared
 from ..progress import Progress
 from .collect import Queries
-from .decide import Context, Place, assess_place, choose, propose
+from .decide import STILL_AT_PLAN, Context, Place, assess_place, choose, propose
 from .probe import probe
 from .scenery import AsBuilt, Scenery, with_glass
 from .search import search, unsettled
@@ -167,5 +167,6 @@ def _refined(
         nearer = probe(scenery, again, as_built, context, Progress())
         for e, found in nearer.items():
             if found[0].at >= STILL_THERE * best[e].at and len(found[0].fit.determined) >= len(best[e].fit.determined):
-                best[e] = found[0]
+                back = float(np.linalg.norm(found[0].fit.vector)) <= STILL_AT_PLAN * context.window
+                best[e] = plans[e] if back else found[0]
     return best
