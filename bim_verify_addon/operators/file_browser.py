@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import bpy
 
@@ -18,6 +19,22 @@ def ask_or_start(
     """``invoke`` of a file operator: open the browser, or start at once when the file is named already."""
     if operator.properties.is_property_set("filepath") or bpy.app.background or context.window is None:
         return start(context, event)
+    return _open_browser(operator, context)
+
+
+def propose(
+    operator: bpy.types.Operator, context: bpy.types.Context, event: bpy.types.Event | None, name: Callable[[], Path],
+    start: Callable[[bpy.types.Context, bpy.types.Event | None], set[str]],
+) -> set[str]:  # fmt: skip
+    """``ask_or_start`` of an operator that writes a file: the browser opens with a ``name`` where none was given."""
+    if not operator.properties.is_property_set("filepath"):
+        operator.filepath = str(name())
+        if not bpy.app.background and context.window is not None:
+            return _open_browser(operator, context)
+    return ask_or_start(operator, context, event, start)
+
+
+def _open_browser(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str]:
     operator.asked = True
     context.window_manager.fileselect_add(operator)
     return {"RUNNING_MODAL"}

@@ -17,7 +17,7 @@ from ...core.options import ReconstructOptions
 from ...core.progress import Progress
 from .. import bonsai, project
 from ..jobs import Job, Work
-from .file_browser import ask_or_start, has_scans, idle, restart_when_closed
+from .file_browser import has_scans, idle, propose, restart_when_closed
 from .import_ifc import adopt_model
 
 if TYPE_CHECKING:
@@ -59,14 +59,11 @@ class BIMVERIFY_OT_reconstruct(Job[Made], bpy.types.Operator):
         return has_scans(cls, context) and idle(cls)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if not self.properties.is_property_set("filepath"):
+        def name() -> Path:
             first = Path(project.scan_paths(context.scene.bim_verify)[0])
-            self.filepath = str(first.with_name(f"{first.stem}_reconstructed.ifc"))
-            if not bpy.app.background and context.window is not None:
-                self.asked = True
-                context.window_manager.fileselect_add(self)
-                return {"RUNNING_MODAL"}
-        return ask_or_start(self, context, event, lambda c, e: Job.invoke(self, c, e))
+            return first.with_name(f"{first.stem}_reconstructed.ifc")
+
+        return propose(self, context, event, name, lambda c, e: Job.invoke(self, c, e))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         return {"CANCELLED"} if restart_when_closed(self) else Job.execute(self, context)

@@ -13,7 +13,7 @@ from ...core.files import all_or_none
 from ...core.progress import Progress
 from .. import project
 from ..jobs import Job, Work
-from .file_browser import ask_or_start, has_result, idle, restart_when_closed
+from .file_browser import has_result, idle, propose, restart_when_closed
 
 if TYPE_CHECKING:
     from ...core.results import VerificationResult
@@ -38,14 +38,11 @@ class ResultFile(Job[str]):
         raise NotImplementedError
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if not self.properties.is_property_set("filepath"):
+        def name() -> Path:
             source = Path(project.result(context.scene).model.path)
-            self.filepath = str(source.with_name(f"{source.stem}{self.ending}"))
-            if not bpy.app.background and context.window is not None:
-                self.asked = True
-                context.window_manager.fileselect_add(self)
-                return {"RUNNING_MODAL"}
-        return ask_or_start(self, context, event, lambda c, e: Job.invoke(self, c, e))
+            return source.with_name(f"{source.stem}{self.ending}")
+
+        return propose(self, context, event, name, lambda c, e: Job.invoke(self, c, e))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         return {"CANCELLED"} if restart_when_closed(self) else Job.execute(self, context)

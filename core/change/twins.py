@@ -23,10 +23,9 @@ MOST_ASKED = 400
 def find_twins(model: BuildingModel, samples: SurfaceSamples, surfaces: ElementSurfaces) -> NDArray[np.int64]:
     """(E,) row of the element that nearly the whole open surface of each one also belongs to; -1 for none."""
     count = len(model.elements)
-    corner = model.vertices[model.triangles].reshape(-1, 3)
-    first = np.minimum(3 * model.triangle_start[:-1].astype(np.int64), max(len(corner) - 1, 0))
-    low = np.minimum.reduceat(corner, first) - SAME_SURFACE_M
-    high = np.maximum.reduceat(corner, first) + SAME_SURFACE_M
+    low, high = model.element_bounds
+    low, high = low - SAME_SURFACE_M, high + SAME_SURFACE_M
+    first = samples.first_of(count)
     volume = np.prod(high - low, axis=1)
     twin = np.full(count, -1, np.int64)
     for row in range(count):
@@ -34,21 +33,23 @@ def find_twins(model: BuildingModel, samples: SurfaceSamples, surfaces: ElementS
         common[row] = 0.0
         best = SAME_SHARE
         for other in np.flatnonzero(common > SAME_SHARE * volume[row]):
-            share = _shared(row, int(other), samples, surfaces)
+            share = _shared(row, int(other), samples, first, surfaces)
             if share >= best and (twin[row] < 0 or share > best):
                 twin[row], best = other, share
     return twin
 
 
-def _shared(row: int, other: int, samples: SurfaceSamples, surfaces: ElementSurfaces) -> float:
+def _shared(
+    row: int, other: int, samples: SurfaceSamples, first: NDArray[np.int64], surfaces: ElementSurfaces
+) -> float:
     """Share of an element's open surface that lies on a surface of the other one."""
-    mine, its = (slice(*np.searchsorted(samples.element, [k, k + 1])) for k in (row, other))
-    at = np.arange(mine.start, mine.stop)[samples.exposed[mine]]
-    if not len(at) or its.start == its.stop:
+    at = np.arange(first[row], first[row + 1])
+    at = at[samples.exposed[at]]
+    if not len(at) or first[other] == first[other + 1]:
         return 0.0
     at = at[:: -(-len(at) // MOST_ASKED)]
     on = surfaces.face_at(
         samples.position[at].astype(np.float64), samples.normal[at].astype(np.float64), np.full(len(at), other, np.int32),
-        np.full(len(at), samples.triangle[its.start], np.int32), SAME_SURFACE_M,
+        np.full(len(at), samples.triangle[first[other]], np.int32), SAME_SURFACE_M,
     )
     return float(samples.area[at][on >= 0].sum() / samples.area[at].sum())

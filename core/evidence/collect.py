@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..model.on_element import ElementSurfaces
 from ..progress import Progress
-from ..scans.store import ReturnStore
+from ..scans.store import ReturnStore, in_sector
 from .gather import CUT, LEAST_RANGE_M, SensorModel, gather
 from .sightings import Sightings, sight
 from .station_index import StationIndex, build_index, median_spacing, neighbour_angles
@@ -110,8 +110,7 @@ def look(
         relative = queries.position - position
         chosen = np.einsum("ij,ij->i", relative, queries.normal) < 0
         if sector is not None:
-            azimuth = np.arctan2(relative[:, 1], relative[:, 0]) % (2 * np.pi)
-            chosen &= (azimuth >= sector[0]) & (azimuth < sector[1])
+            chosen &= in_sector(relative, *sector)
         row = np.flatnonzero(chosen)
         evidence = gather(index, relative[row], queries.normal[row], sensor)
         parts.append(

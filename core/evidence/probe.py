@@ -30,10 +30,11 @@ def probe(
     shifts = np.array([s for _, s in asked])
     rows_of = _rows(scenery, asked, as_built, COARSE_PROBES if coarse else MOST_PROBES)
     own = [rows for rows, _ in rows_of]
+    on_edge = [rows[:0] if coarse else rows for rows in own]
     around = [
         ring(samples.position[rows] + shift, samples.normal[rows], shift, scenery.ring_margin)
-        for rows, shift in zip(own, shifts, strict=True) if not coarse
-    ] or [(np.zeros((0, 3)), np.zeros((0, 3)))] * len(own)
+        for rows, shift in zip(on_edge, shifts, strict=True)
+    ]
     sample = np.concatenate(own)
     size = np.array([len(r) for r in own])
     ring_size = np.array([len(p) for p, _ in around])

@@ -16,7 +16,7 @@ from .collect import Queries, StationIndexes, look
 from .decide import Context, Place, enough_seen
 from .gather import SensorModel
 from .outline import RING_M
-from .sightings import Sightings, explain
+from .sightings import Sightings, Yielding, explain
 
 CLEARLY_MOVED_M2 = 1e6
 """Added to the strength of what was found clearly elsewhere: more than any surface has."""
@@ -65,17 +65,18 @@ class Scenery:
         Of places that were ``searched`` one after the other some fit by chance: they yield what such an element would
         explain if it stood a little off, and what fits a stronger element that was found elsewhere.
         """
-        known = self.station_positions, self.sensor.sigma, self.explain_within
-        found = explain(seen, known[0], self.scene, *known[1:], asked, element)
+        position, sigma, within = self.station_positions, self.sensor.sigma, self.explain_within
+        to_plan = to_built = None
         if shifted is not None:
             standing = np.ones(len(self.model.elements), np.bool_) if as_built is None else ~as_built.elsewhere
-            rest = asked & shifted & ~found
-            give_way = self.explain_within if searched else self.sensor.sigma
-            found |= explain(seen, known[0], self.scene, *known[1:], rest, element, yields=standing, give_way=give_way)
+            to_plan = Yielding(shifted, standing, within if searched else sigma)
+        if searched and as_built is not None:
+            to_built = Yielding(np.ones(len(seen), np.bool_), as_built.elsewhere, sigma)
+        found = explain(seen, position, self.scene, sigma, within, asked, element, yielding=to_plan)
         if as_built is not None:
             found |= explain(
-                seen, known[0], as_built.scene, *known[1:], asked & ~found, element, strength=as_built.strength,
-                yields=as_built.elsewhere if searched else None, give_way=self.sensor.sigma,
+                seen, position, as_built.scene, sigma, within, asked & ~found, element, strength=as_built.strength,
+                yielding=to_built,
             )
         return Sightings(**{**vars(seen), "explained": seen.explained | found})
 

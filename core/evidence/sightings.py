@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..model.on_element import ElementSurfaces
+from ..model.on_element import ElementSurfaces, plane_crossing
 from ..model.raycast import RayScene
 from ..parallel import in_chunks
 from .gather import StationEvidence
@@ -109,10 +110,8 @@ def sight(
     level = np.einsum("ij,ij->i", point - q, n)
     deviation = evidence.deviation[row]
 
-    slope = np.einsum("ij,ij->i", ray, n)
-    to_plane = np.einsum("ij,ij->i", q - position, n) / np.where(np.abs(slope) < 1e-6, -1e-6, slope)
     crossing = np.where(
-        (np.abs(level) > ON_FACE_M)[:, None], position + ray * to_plane[:, None], point - level[:, None] * n
+        (np.abs(level) > ON_FACE_M)[:, None], plane_crossing(position, ray, q, n), point - level[:, None] * n
     )
     face = surfaces.face_at(crossing - shift[row], n, element[row], triangle[row], ON_FACE_M)
     on_face = face >= 0
@@ -136,6 +135,18 @@ def sight(
     )
 
 
+@dataclass(frozen=True)
+class Yielding:
+    """Queries that leave a return to another element unless their own surface is nearer to it by ``give_way``."""
+
+    queries: NDArray[np.bool_]
+    """(M,) rows of the sightings."""
+    elements: NDArray[np.bool_]
+    """(E,) to which they yield."""
+    give_way: float
+    """Metres."""
+
+
 def explain(
     seen: Sightings,
     stations: NDArray[np.float64],
@@ -146,8 +157,7 @@ def explain(
     element: NDArray[np.int32],
     *,
     strength: NDArray[np.float64] | None = None,
-    yields: NDArray[np.bool_] | None = None,
-    give_way: float = 0.0,
+    yielding: Yielding | None = None,
 ) -> NDArray[np.bool_]:
     """(M,) whether another surface accounts for the return better than the query's own.
 
@@ -157,31 +167,45 @@ def explain(
     stations (S, 3) positions in the local frame. A surface in ``scene``, of another element or another face of the same
     one, explains a return when the ray meets it from outside, it is nearer to the return along its normal than the
     query's own surface, and not farther than ``within`` metres. With ``strength`` (E,) only elements of more strength than
-    the query's own ``element`` (M,) count. To the elements that ``yields`` (E,) names a query yields unless its own surface
-    is nearer by ``give_way`` metres. ``asked`` (M,) are the rows to look at.
+    the query's own ``element`` (M,) count. ``asked`` (M,) are the rows to look at.
     """
     explained = np.zeros(len(seen), dtype=np.bool_)
     away_from_own = np.abs(seen.deviation)
-    least = sigma if yields is None else 0.0
-    doubtful = np.flatnonzero((away_from_own >= least) & (away_from_own <= SEARCH_M) & ~seen.explained & asked)
-    back = within / GRAZE
+    near_enough = away_from_own >= sigma
+    if yielding is not None:
+        near_enough |= yielding.queries
+    doubtful = np.flatnonzero(near_enough & (away_from_own <= SEARCH_M) & ~seen.explained & asked)
 
     def work(part: slice) -> None:
         row = doubtful[part]
-        point = seen.point[row].astype(np.float64)
-        ray = point - stations[seen.station[row]]
-        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-        hits = scene.all_hits(point - back * ray, ray, 2 * back, most=8)
-        for distance, triangle, entering in zip(hits.distance, hits.triangle, hits.entering, strict=True):
-            met = (triangle >= 0) & entering
-            other = scene.element[triangle]
+        for away, other in surfaces_at(scene, stations[seen.station[row]], seen.point[row].astype(np.float64), within):
+            met = away <= within
             if strength is not None:
                 met &= strength[other] > strength[element[row]]
-            facing = np.abs(np.einsum("ij,ij->i", ray, scene.normal[triangle]))
-            with np.errstate(invalid="ignore"):
-                away = np.abs(distance - back) * facing
-            lead = sigma if yields is None else np.where(yields[other] & (other != element[row]), -give_way, sigma)
-            explained[row] |= met & (away <= within) & (away + lead < away_from_own[row])
+            lead: NDArray[np.float64] | float = sigma
+            if yielding is not None:
+                yields = yielding.queries[row] & yielding.elements[other] & (other != element[row])
+                lead = np.where(yields, -yielding.give_way, sigma)
+            explained[row] |= met & (away + lead < away_from_own[row])
 
     in_chunks(len(doubtful), work)
     return explained
+
+
+def surfaces_at(
+    scene: RayScene, station: NDArray[np.float64], point: NDArray[np.float64], within: float
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int32]]]:
+    """The surfaces that rays from ``station`` (K, 3) meet from outside around their returns ``point`` (K, 3), one by one.
+
+    Yields how far each return lies from the surface along its normal [m] (K,), infinite where there is none, and the
+    surface's element (K,). Those within ``within`` metres are all among them. Local frame.
+    """
+    ray = point - station
+    ray /= np.maximum(np.linalg.norm(ray, axis=1, keepdims=True), 1e-9)
+    back = within / GRAZE
+    hits = scene.all_hits(point - back * ray, ray, 2 * back, most=8)
+    for distance, triangle, entering in zip(hits.distance, hits.triangle, hits.entering, strict=True):
+        facing = np.abs(np.einsum("ij,ij->i", ray, scene.normal[triangle]))
+        with np.errstate(invalid="ignore"):
+            away = np.abs(distance - back) * facing
+        yield np.where((triangle >= 0) & entering, away, np.inf), scene.element[triangle]

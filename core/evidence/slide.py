@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..model.on_element import plane_crossing
 from ..progress import Progress
 from .collect import Queries
 from .decide import Context, Place
@@ -65,9 +66,7 @@ def crossings(seen: Sightings, stations: Array, position: Array, normal: Array) 
     start = stations[seen.station]
     ray = seen.point.astype(np.float64) - start
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-    slope = np.einsum("ij,ij->i", ray, normal)
-    along = np.einsum("ij,ij->i", position - start, normal) / np.where(np.abs(slope) < 1e-6, -1e-6, slope)
-    return start + ray * along[:, None]
+    return plane_crossing(start, ray, position, normal)
 
 
 def candidate_slides(scenery: Scenery, e: int, seen: Sightings, context: Context) -> list[Slide]:

@@ -125,15 +125,20 @@ def build_index(offsets: NDArray[np.float64], spacing_rad: float | None = None) 
 
 
 def _build(offsets: NDArray[np.float64], spacing_rad: float) -> StationIndex:
-    most_rows = max(FEWEST_ROWS, int(math.sqrt(0.8 * len(offsets))))  # no more bins than returns
+    row_start = bin_layout(spacing_rad, len(offsets))
+    returns, start = _sort_into_bins(offsets, len(row_start) - 1, row_start, get_num_threads())
+    return StationIndex(returns, start, row_start, spacing_rad)
+
+
+def bin_layout(spacing_rad: float, returns: int) -> NDArray[np.int64]:
+    """(R + 1,) number of each row's first bin, and of all bins, for so many ``returns``: bins of about two by two spacings."""
+    most_rows = max(FEWEST_ROWS, int(math.sqrt(0.8 * returns)))  # no more bins than returns
     rows = int(np.clip(math.pi / (BIN_SPACINGS * spacing_rad), FEWEST_ROWS, most_rows))
     edge = np.linspace(-1.0, 1.0, rows + 1)
     middle = 0.5 * (edge[1:] + edge[:-1])
     cosine = (1.0 - np.abs(middle)) / np.hypot(middle, 1.0 - np.abs(middle))
     columns = np.maximum(np.ceil(2.0 * rows * cosine), 4).astype(np.int64)
-    row_start = np.concatenate([[0], np.cumsum(columns)]).astype(np.int64)
-    returns, start = _sort_into_bins(offsets, rows, row_start, get_num_threads())
-    return StationIndex(returns, start, row_start, spacing_rad)
+    return np.concatenate([[0], np.cumsum(columns)]).astype(np.int64)
 
 
 @njit(cache=True, nogil=True)

@@ -88,8 +88,9 @@ def _uncover(
     s = scenery.samples
     scene = as_built.scene
     near = np.zeros(len(s), dtype=np.bool_)
+    first = s.first_of(len(as_built.elsewhere))
     for k in np.flatnonzero(as_built.elsewhere):
-        own = slice(*np.searchsorted(s.element, [k, k + 1]))
+        own = slice(int(first[k]), int(first[k + 1]))
         if own.start < own.stop:
             low, high = s.position[own].min(axis=0) - COVER_M, s.position[own].max(axis=0) + COVER_M
             near |= ((s.position >= low) & (s.position <= high)).all(axis=1)

@@ -63,7 +63,7 @@ def write_bcf(
     chosen = findings(result, statuses, global_ids)
     writer = _Writer(result, version)
     scene = RayScene(result.model) if chosen else None
-    first = np.searchsorted(result.samples.element, np.arange(len(result.verdicts) + 1))
+    first = result.samples.first_of(len(result.verdicts))
     grey = to_linear(np.tile(np.array(OTHERS), (len(result.model.triangles), 1)))
     for number, finding in enumerate(chosen):
         progress.update(number / len(chosen), "Drawing the findings")

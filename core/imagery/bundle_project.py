@@ -25,17 +25,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
+from ..json_in import read_json_object
 from ..report.json_out import to_plain
 from .bundle import BundleResult
 from .bundle_problem import INSIDE_NAMES, BundleProblem, Control, ImageObservations
 from .camera import Camera, Interior
 from .cameras_file import (
+    LARGEST_FILE,
     camera_to_plain,
     interior_to_plain,
     numbers,
     positive,
     read_camera_entries,
-    read_json,
 )
 from .colmap import read_colmap
 from .metashape import read_metashape_cameras
@@ -51,7 +52,7 @@ Ints = NDArray[np.int64]
 def read_project(path: str | Path) -> BundleProblem:
     """Read a project file and what it imports. Raises BimVerifyError."""
     source = Path(path)
-    content = read_json(source, "a bundle project")
+    content = read_json_object(source, "a bundle project", LARGEST_FILE)
     sigma = positive(content, "sigma_px", source.name, SIGMA_PX)
     place = _import_path(content, source)
     if place is None:
@@ -75,7 +76,7 @@ def read_project(path: str | Path) -> BundleProblem:
 
 def kept_observations(path: str | Path, problem: BundleProblem) -> tuple[Ints, Ints]:
     """Camera and point (K,) of the observations that an adjustment has left in; all of them in a project not yet adjusted."""
-    weights = numbers(read_json(Path(path), "a bundle project").get("weights"), (len(problem.observed),))
+    weights = numbers(read_json_object(Path(path), "a bundle project", LARGEST_FILE).get("weights"), (len(problem.observed),))
     kept = np.ones(len(problem.observed), dtype=np.bool_) if weights is None else weights > 0
     return problem.observed.camera[kept], problem.observed.point[kept]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
+from ..json_in import read_json_object
 from .camera import Camera, Interior, from_omega_phi_kappa, rotation_vector
 
 FORMAT, FORMAT_VERSION = "bim_verify.cameras", 1
@@ -60,7 +60,7 @@ def read_cameras(path: str | Path) -> CameraList:
         from .metashape import read_metashape_cameras
 
         return CameraList(tuple(KnownCamera(camera) for camera in read_metashape_cameras(source)))
-    content = read_json(source, "a cameras file")
+    content = read_json_object(source, "a cameras file", LARGEST_FILE)
     frame = content.get("frame", "model")
     if frame not in ("model", "map"):
         raise BimVerifyError(f"{source} gives the frame {str(frame)[:40]!r}; it must be model or map.")
@@ -80,21 +80,6 @@ def _entries(content: dict[str, Any], source: Path) -> tuple[KnownCamera, ...]:
     if not isinstance(shared, dict):
         raise BimVerifyError(f"{source}: interiors must be an object of named interior orientations.")
     return tuple(_known(entry, index, content, shared, source) for index, entry in enumerate(entries))
-
-
-def read_json(source: Path, what: str) -> dict[str, Any]:
-    """A JSON object from a file of bearable size; BimVerifyError otherwise."""
-    try:
-        if source.stat().st_size > LARGEST_FILE:
-            raise BimVerifyError(f"{source} is too large for {what} ({LARGEST_FILE >> 20} MB is the most).")
-        content = json.loads(source.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise BimVerifyError(f"Cannot read {source}: {error.strerror or error}. Check the path.") from error
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise BimVerifyError(f"{source} is no JSON file that can be read ({str(error)[:80]}). Write it again.") from error
-    if not isinstance(content, dict):
-        raise BimVerifyError(f"{source} is not {what}: it must hold one JSON object.")
-    return content
 
 
 def camera_to_plain(camera: Camera) -> dict[str, Any]:

@@ -40,10 +40,7 @@ def narrowed(model: BuildingModel, samples: SurfaceSamples, only: Collection[str
 
 def _near(model: BuildingModel, asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(E,) the element's box comes within ``NEIGHBOUR_M`` of that of an asked one."""
-    low, high = np.full((len(asked), 3), np.inf), np.full((len(asked), 3), -np.inf)
-    corner = model.vertices[model.triangles]
-    np.minimum.at(low, model.triangle_element, corner.min(axis=1))
-    np.maximum.at(high, model.triangle_element, corner.max(axis=1))
+    low, high = model.element_bounds
     near = asked.copy()
     for k in np.flatnonzero(asked):
         near |= ((low <= high[k] + NEIGHBOUR_M) & (high >= low[k] - NEIGHBOUR_M)).all(axis=1)

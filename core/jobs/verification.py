@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ... import __version__
 from ..alignment.align import align
@@ -156,7 +155,7 @@ def _far_away(model: BuildingModel, source: ScanSource) -> str:
 
 
 def _conclude(result: VerificationResult, found: Findings, context: Context) -> Iterator[ElementVerdict]:
-    first: NDArray[np.int64] = np.searchsorted(found.samples.element, np.arange(len(found.plans) + 1))
+    first = found.samples.first_of(len(found.plans))
     for e, (plan, place) in enumerate(zip(found.plans, found.best, strict=True)):
         rows = slice(int(first[e]), int(first[e + 1]))
         yield decide.conclude(e, result.model, found.samples, rows, result.evidence, plan, place, context)

@@ -86,3 +86,13 @@ class BuildingModel:
         """(2, 3) lowest and highest corner, metres, local frame."""
         used = self.vertices[np.unique(self.triangles)]
         return np.stack([used.min(axis=0), used.max(axis=0)])
+
+    @property
+    def element_bounds(self) -> NDArray[np.float64]:
+        """(2, E, 3) lowest and highest corner of each element, metres, local frame; infinite and inside out without a body."""
+        corner = self.vertices[self.triangles]
+        found = np.full((2, len(self.elements), 3), np.inf)
+        found[1] = -np.inf
+        np.minimum.at(found[0], self.triangle_element, corner.min(axis=1))
+        np.maximum.at(found[1], self.triangle_element, corner.max(axis=1))
+        return found

@@ -54,6 +54,18 @@ def _on_element(
     return out
 
 
+def plane_crossing(
+    start: NDArray[np.float64], ray: NDArray[np.float64], place: NDArray[np.float64], normal: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(N, 3) where rays from ``start`` (3,) or (N, 3) along unit vectors (N, 3) cross the planes through ``place`` (N, 3).
+
+    ``normal`` (N, 3) of the planes; a ray that runs along its plane crosses it far away.
+    """
+    slope = np.einsum("ij,ij->i", ray, normal)
+    along = np.einsum("ij,ij->i", place - start, normal) / np.where(np.abs(slope) < 1e-6, -1e-6, slope)
+    return np.asarray(start + ray * along[:, None])
+
+
 class ElementSurfaces:
     """The triangles of a model, asked element by element."""
 

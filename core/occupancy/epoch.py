@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..evidence.collect import StationIndexes
 from ..evidence.gather import SensorModel
 from ..progress import Progress
+from ..scans.store import in_sector
 from .bricks import BrickTable
 from .free_space import BETWEEN, PASSED, SURFACE, label_voxels
 from .grid import BITS, CELLS, VoxelGrid
@@ -33,10 +34,7 @@ def occupied_voxels(
 
 def owned(returns: NDArray[np.float64], sector: NDArray[np.float64] | None) -> NDArray[np.bool_] | None:
     """(N,) whether a tile's azimuth range (2,) [rad] holds each return (N, 3); None when it is all of them."""
-    if sector is None:
-        return None
-    azimuth = np.arctan2(returns[:, 1], returns[:, 0]) % (2 * np.pi)
-    return (azimuth >= sector[0]) & (azimuth < sector[1])
+    return None if sector is None else in_sector(returns, *sector)
 
 
 def observe(

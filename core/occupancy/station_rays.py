@@ -13,7 +13,7 @@ import numpy as np
 from numba import get_num_threads, njit, prange
 from numpy.typing import NDArray
 
-from ..evidence.station_index import BIN_SPACINGS, FEWEST_ROWS, StationIndex, pseudo_azimuth, pseudo_elevation
+from ..evidence.station_index import StationIndex, bin_layout, pseudo_azimuth, pseudo_elevation
 from .surface_fit import ROUND_UP, clear_ends, fit_planes
 
 COARSE = 4
@@ -38,13 +38,8 @@ class Bins:
         even = math.sqrt(4.0 * math.pi / max(returns, 1))
         if 0.5 < spacing_rad / even < 2.0:
             spacing_rad = even
-        most_rows = max(FEWEST_ROWS, int(math.sqrt(0.8 * returns)))
-        rows = int(np.clip(math.pi / (BIN_SPACINGS * spacing_rad), FEWEST_ROWS, most_rows))
-        edge = np.linspace(-1.0, 1.0, rows + 1)
-        middle = 0.5 * (edge[1:] + edge[:-1])
-        cosine = (1.0 - np.abs(middle)) / np.hypot(middle, 1.0 - np.abs(middle))
-        columns = np.maximum(np.ceil(2.0 * rows * cosine), 4).astype(np.int64)
-        return cls(float(rows), np.concatenate([[0], np.cumsum(columns)]))
+        row_start = bin_layout(spacing_rad, returns)
+        return cls(float(len(row_start) - 1), row_start)
 
     def coarse(self) -> Bins:
         """Bins ``COARSE`` times as large each way."""

@@ -41,7 +41,7 @@ class Assessor:
         self.clutter, self.overlap, self.faces = clutter, overlap, faces
         self.registration, self.names, self.options = registration, station_names, options
         self.spacing, self.positions = found.spacing, positions
-        self.start = np.searchsorted(samples.element, np.arange(len(model.elements) + 1))
+        self.start = samples.first_of(len(model.elements))
         order = np.argsort(edges.element, kind="stable")
         self._edge_residual = edges.residual[order]
         self._edge_start = np.searchsorted(edges.element[order], np.arange(len(model.elements) + 1))

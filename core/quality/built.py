@@ -14,6 +14,7 @@ from ..model.elements import BuildingModel
 from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
+from ..scans.store import in_sector
 from .faces import Face, face_rectangle
 from .local_surface import measure_surface
 from .planned_at import planned_at
@@ -106,8 +107,7 @@ def _look(
         relative = samples.position[row] - position
         own = np.einsum("ij,ij->i", relative, samples.normal[row]) < 0
         if sector is not None:
-            azimuth = np.arctan2(relative[:, 1], relative[:, 0]) % (2 * np.pi)
-            own &= (azimuth >= sector[0]) & (azimuth < sector[1])
+            own &= in_sector(relative, *sector)
         r = row[own]
         seen = measure_surface(index, relative[own], samples.normal[r], window)
         told = np.flatnonzero(seen.nearest_dy <= VISIBLE_SPACINGS * index.spacing_rad * seen.distance)

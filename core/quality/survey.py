@@ -19,6 +19,7 @@ from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..parallel import in_chunks
 from ..progress import Progress
+from ..scans.store import in_sector
 from .field_of_view import FieldOfView, FieldOfViewCounter
 from .local_surface import REACH, LocalSurface, measure_surface
 from .missing import (
@@ -137,8 +138,7 @@ def survey(
         relative = built[exposed] - position
         row = exposed
         if sector is not None:
-            azimuth = np.arctan2(relative[:, 1], relative[:, 0]) % (2 * np.pi)
-            own = (azimuth >= sector[0]) & (azimuth < sector[1])
+            own = in_sector(relative, *sector)
             row, relative = exposed[own], relative[own]
         _look(found, silent, tally, station, index, position, row, relative, samples, scene, surfaces, edge, options)
     for station in np.flatnonzero([math.isnan(s) for s in stations.spacing]):  # nothing came back to it

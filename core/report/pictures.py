@@ -134,11 +134,7 @@ def _viewpoints(model: BuildingModel) -> list[_Viewpoint]:
 
 
 def _element_heights(model: BuildingModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    z = model.vertices[model.triangles][:, :, 2]
-    low = np.full(len(model.elements), np.inf)
-    high = np.full(len(model.elements), -np.inf)
-    np.minimum.at(low, model.triangle_element, z.min(axis=1))
-    np.maximum.at(high, model.triangle_element, z.max(axis=1))
+    low, high = model.element_bounds[:, :, 2]
     return low, high
 
 

@@ -24,7 +24,7 @@ def element_rows(result: VerificationResult) -> list[dict[str, Any]]:
 
     ``status`` is what holds; ``decision`` says who put it in the place of the computed verdict, if anybody did.
     """
-    start = np.searchsorted(result.samples.element, np.arange(len(result.verdicts) + 1))
+    start = result.samples.first_of(len(result.verdicts))
     bound_mm = UPPER_BOUND_M[result.options.loa] * 1000.0
     rows = []
     for index, (element, verdict) in enumerate(zip(result.model.elements, result.verdicts, strict=True)):

@@ -32,8 +32,13 @@ class Tile:
 
     def owns(self, direction: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(N,) which directions (N, 3) belong to the sector itself, so that every query has exactly one tile."""
-        azimuth = np.arctan2(direction[:, 1], direction[:, 0]) % (2 * np.pi)
-        return (azimuth >= self.first) & (azimuth < self.last)
+        return in_sector(direction, self.first, self.last)
+
+
+def in_sector(direction: NDArray[np.float64], first: float, last: float) -> NDArray[np.bool_]:
+    """(N,) whether the azimuth of each direction (N, 3) lies in the sector from ``first`` to ``last`` [rad, 0 ... 2 pi]."""
+    azimuth = np.arctan2(direction[:, 1], direction[:, 0]) % (2 * np.pi)
+    return np.asarray((azimuth >= first) & (azimuth < last))
 
 
 class ReturnStore:

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from ..errors import BimVerifyError
 from ..files import whole_file
+from ..json_in import read_json
 from ..model.load import load_model
 from ..model.sample_surface import sample_surface
 from ..progress import Progress
@@ -84,14 +85,7 @@ def read_stations(path: str | Path) -> StationPlan:
     BimVerifyError.
     """
     source = Path(path)
-    try:
-        if source.stat().st_size > LARGEST_FILE:
-            raise BimVerifyError(f"{source} is too large for a stations file; give the JSON file of the plan.")
-        content = json.loads(source.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise BimVerifyError(f"Cannot read {source}: {error.strerror or error}. Check the path.") from error
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise BimVerifyError(f"{source} is no JSON file that can be read ({error}). Write it again.") from error
+    content = read_json(source, "a stations file", LARGEST_FILE)
     entries = content.get("stations") if isinstance(content, dict) else None
     if not isinstance(entries, list) or not entries:
         raise BimVerifyError(f'{source} holds no list of stations; write {{"stations": [{{"position": [x, y, z]}}]}}.')

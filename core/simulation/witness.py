@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..model.elements import BuildingModel
-from ..model.on_element import ElementSurfaces
+from ..model.on_element import ElementSurfaces, plane_crossing
 from ..scans.campaign import Grid
 from .scanner import Scanner, SimulatedReturns
 from .scene import Edit, Scene, build_scene
@@ -115,8 +115,7 @@ class Witness:
         points = self._points
         beam = self._scanner.beam(row, column) @ view.rotation.T
         normal = points.normal[at]
-        to_plane = np.einsum("ij,ij->i", points.position[at] - view.position, normal) / np.einsum("ij,ij->i", beam, normal)
-        crossing = view.position + beam * to_plane[:, None]
+        crossing = plane_crossing(view.position, beam, points.position[at], normal)
         triangle = points.triangle[at].astype(np.int32)
         return self._surfaces.face_at(crossing, normal, points.element[at], triangle, ON_FACE_M) >= 0
 

@@ -75,3 +75,18 @@ def verification(monkeypatch: pytest.MonkeyPatch) -> Callable[[Found], None]:
         monkeypatch.setattr(jobs, "verify", function)
 
     return replace
+
+
+@pytest.fixture
+def verified(
+    blender: bpy.types.Scene, house: Path, scan: Path, result: VerificationResult,
+    verification: Callable[[Found], None],
+) -> bpy.types.Scene:  # fmt: skip
+    """The small house with a scan, verified."""
+    ops = bpy.ops.bim_verify
+    verification(lambda *_: result)
+    blender.bim_verify.display_vertices = 10_000
+    ops.import_ifc(filepath=str(house))
+    ops.import_scan(filepath=str(scan))
+    assert ops.verify() == {"FINISHED"}
+    return blender

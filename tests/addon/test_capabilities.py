@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-
 import bpy
 import numpy as np
 import pytest
@@ -16,19 +13,6 @@ from bim_verify.core.report import palette
 from bim_verify.core.results import VerificationResult
 
 ops = bpy.ops.bim_verify
-Verification = Callable[[Callable[..., VerificationResult]], None]
-
-
-@pytest.fixture
-def verified(
-    blender: bpy.types.Scene, house: Path, scan: Path, result: VerificationResult, verification: Verification
-) -> bpy.types.Scene:
-    verification(lambda *_: result)
-    blender.bim_verify.display_vertices = 10_000
-    ops.import_ifc(filepath=str(house))
-    ops.import_scan(filepath=str(scan))
-    ops.verify()
-    return blender
 
 
 def test_names_and_colour_modes_are_unique() -> None:

@@ -25,18 +25,6 @@ ops = bpy.ops.bim_verify
 Verification = Callable[[Callable[..., VerificationResult]], None]
 
 
-@pytest.fixture
-def verified(
-    blender: bpy.types.Scene, house: Path, scan: Path, result: VerificationResult, verification: Verification
-) -> bpy.types.Scene:
-    verification(lambda *_: result)
-    blender.bim_verify.display_vertices = 10_000
-    ops.import_ifc(filepath=str(house))
-    ops.import_scan(filepath=str(scan))
-    assert ops.verify() == {"FINISHED"}
-    return blender
-
-
 def select(found: bpy.types.Scene, status: str) -> bpy.types.Object:
     item = next(o for o in scene.element_objects(found).values() if o.bim_verify.status == status)
     for other in bpy.context.selected_objects:

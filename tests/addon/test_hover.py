@@ -7,7 +7,6 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-import pytest
 from mathutils import Vector
 
 from bim_verify.bim_verify_addon import hover, scene
@@ -19,18 +18,6 @@ ops = bpy.ops.bim_verify
 Verification = Callable[[Callable[..., VerificationResult]], None]
 OUTSIDE, NORTHWARD = Vector((2.0, -20.0, 1.3)), Vector((0.0, 1.0, 0.0))
 """A ray that meets the south wall, then the north wall."""
-
-
-@pytest.fixture
-def verified(
-    blender: bpy.types.Scene, house: Path, scan: Path, result: VerificationResult, verification: Verification
-) -> bpy.types.Scene:
-    verification(lambda *_: result)
-    blender.bim_verify.display_vertices = 10_000
-    ops.import_ifc(filepath=str(house))
-    ops.import_scan(filepath=str(scan))
-    ops.verify()
-    return blender
 
 
 def wall(found: bpy.types.Scene, name: str) -> bpy.types.Object:
