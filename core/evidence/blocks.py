@@ -51,17 +51,19 @@ def block_means(sightings: Sightings, sigma: float) -> Blocks:
     point = sightings.point.astype(np.float64)
     normal = sightings.face_normal.astype(np.float64)
     station = sightings.station.astype(np.int64)
-    once = np.unique(np.column_stack([sightings.point.view(np.int32), station]), axis=0, return_index=True)[1]
+    once = np.unique(sightings.ray_key(slice(None)), return_index=True)[1]
     point, normal, station, residual = point[once], normal[once], station[once], sightings.residual[once]
     direction = np.round(normal * 3).astype(np.int64)
     size = BLOCK_M
     while True:
-        key = np.column_stack([direction, np.floor(point / size).astype(np.int64), station])
-        first, block, count = np.unique(key, axis=0, return_index=True, return_inverse=True, return_counts=True)[1:]
+        cell = np.floor(point / size).astype(np.int64)
+        first, block, count = np.unique(
+            row_numbers(np.column_stack([direction, cell, station])),
+            return_index=True, return_inverse=True, return_counts=True,
+        )[1:]
         if len(count) <= MOST_BLOCKS:
             break
         size *= 1.5
-    block = block.ravel()
     mean = np.bincount(block, residual) / count
     facing = np.column_stack([np.bincount(block, normal[:, k]).astype(np.float64) for k in range(3)])
     facing /= np.linalg.norm(facing, axis=1, keepdims=True)
@@ -71,6 +73,19 @@ def block_means(sightings: Sightings, sigma: float) -> Blocks:
     place = np.column_stack([np.bincount(block, point[:, k]) / count for k in range(3)])
     return Blocks(
         mean, facing, place, station[first], pooled2 / count, count.astype(np.float64),
-        np.unique(direction[first], axis=0, return_inverse=True)[1].ravel(),
-        np.unique(key[first, :6], axis=0, return_inverse=True)[1].ravel(),
+        np.unique(row_numbers(direction[first]), return_inverse=True)[1],
+        np.unique(row_numbers(np.column_stack([direction, cell])[first]), return_inverse=True)[1],
     )
+
+
+def row_numbers(rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(N,) a number for each of ``rows`` (N, K): equal for equal rows, in their order. Sorts far faster than the rows."""
+    low = rows.min(axis=0)
+    number = np.zeros(len(rows), np.int64)
+    span = 1
+    for column, least, extent in zip(rows.T, low, (rows.max(axis=0) - low + 1).tolist(), strict=True):
+        span *= extent
+        if span > np.iinfo(np.int64).max:
+            return np.unique(rows, axis=0, return_inverse=True)[1].ravel()
+        number = number * extent + (column - least)
+    return number

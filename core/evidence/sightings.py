@@ -62,7 +62,7 @@ class Sightings:
         passed = np.where(self.glass, THROUGH_GLASS, BEYOND)
         return np.where(own, AT, np.where(self.deviation < 0, passed, FRONT)).astype(np.uint8)
 
-    def ray_key(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> NDArray[np.uint64]:
+    def ray_key(self, chosen: NDArray[np.bool_] | NDArray[np.int64] | slice) -> NDArray[np.uint64]:
         """A number for each chosen row, the same for the same return: several queries may look at one."""
         key = self.station[chosen].astype(np.uint64)
         for bits in self.point[chosen].view(np.uint32).T:

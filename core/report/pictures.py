@@ -12,6 +12,7 @@ from PIL import Image
 
 from ..model.elements import BuildingModel
 from ..model.raycast import RayScene
+from ..parallel import in_chunks
 from ..progress import Progress
 from ..results import VerificationResult
 from .camera import Camera, view_of_box
@@ -59,16 +60,21 @@ def report_pictures(result: VerificationResult, deviation_limit_m: float, progre
         "evidence": to_linear(belief_color(evidence.m_occ, evidence.m_emp, evidence.m_unk)).astype(np.float32),
     }
     finder = SampleColors(result.samples)
-    pictures = []
     viewpoints = _viewpoints(model)
-    for number, at in enumerate(viewpoints):
-        progress.update(number / len(viewpoints), "Drawing the model")
-        view = trace_view(model, at.camera, SIZE, scene=scene)
-        found = finder.find(model, view, threads=result.options.threads or -1)
-        images = {"status": png(shade_view(view, face_pixels(view, face)))}
-        images |= {name: png(shade_view(view, found.pixels(color))) for name, color in colors.items()}
-        pictures.append(Picture(at.title, at.caption, images, _pick_map(view), _station_marks(result, at)))
-    return pictures
+    pictures: list[Picture | None] = [None] * len(viewpoints)
+
+    def draw(part: slice) -> None:
+        for number in range(part.start, part.stop):
+            progress.update(number / len(viewpoints), "Drawing the model")
+            at = viewpoints[number]
+            view = trace_view(model, at.camera, SIZE, scene=scene)
+            found = finder.find(model, view, threads=1)
+            images = {"status": png(shade_view(view, face_pixels(view, face)))}
+            images |= {name: png(shade_view(view, found.pixels(color))) for name, color in colors.items()}
+            pictures[number] = Picture(at.title, at.caption, images, _pick_map(view), _station_marks(result, at))
+
+    in_chunks(len(viewpoints), draw, size=1)
+    return [picture for picture in pictures if picture is not None]
 
 
 def floors(model: BuildingModel) -> list[tuple[str, float, int]]:
