@@ -22,6 +22,13 @@ DEMO_SPACING_M = 0.05
 
 
 def _demo(values: Values, progress: Progress) -> Outcome:
+    from ..simulation.rehearsal import kernels_ahead
+
+    with kernels_ahead():
+        return _both_epochs(values, progress)
+
+
+def _both_epochs(values: Values, progress: Progress) -> Outcome:
     from ..model.write_psets import write_verified_ifc
     from ..report.html import PAGE, write_report
     from ..report.json_out import result_to_json, write_document

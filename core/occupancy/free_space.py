@@ -33,7 +33,7 @@ SPARSE_SPACING = 0.5
 """Rays farther apart than this many voxels may miss some (the shortest way through a voxel's middle section)."""
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _rows_within(elevation: float, radius: float, rows: float, last_row: int) -> tuple[int, int]:
     """Rows that a cap of this radius [rad] may touch; the pseudo elevation never changes faster than the elevation."""
     first = int((elevation - radius + 1.0) * 0.5 * rows)
@@ -41,7 +41,7 @@ def _rows_within(elevation: float, radius: float, rows: float, last_row: int) ->
     return min(max(first, 0), last_row), min(last, last_row)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _columns_within(azimuth: float, half: float, columns: int) -> tuple[int, int]:
     """First and last column that azimuths (pseudo, 0 ... 4) within ``half`` may touch; unwrapped, so below 0 too."""
     if half >= 1.0:
@@ -53,7 +53,7 @@ def _columns_within(azimuth: float, half: float, columns: int) -> tuple[int, int
     return first, last
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _half_azimuth(cosine: float, radius: float) -> float:
     """Upper bound of the half-width in azimuth [rad] of a cap around a direction of this ``cosine`` of the elevation; 4 where
     the cap may hold a pole."""
@@ -83,7 +83,7 @@ def _any_farther(
     return False
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _meets(ex: float, ey: float, ez: float, x: float, y: float, z: float, half: float) -> bool:
     """Whether the segment from 0 to e meets the cube of half-length ``half`` around (x, y, z): separating axes."""
     ax, ay, az = abs(ex), abs(ey), abs(ez)
@@ -98,7 +98,7 @@ def _meets(ex: float, ey: float, ez: float, x: float, y: float, z: float, half: 
     )
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _bin_passes(
     b: int, x: float, y: float, z: float, half: float, end: NDArray[np.float32], bin_start: NDArray[np.int32]
 ) -> bool:
@@ -108,14 +108,14 @@ def _bin_passes(
     return False
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _depth(b: int, bound: NDArray[np.float32], x: float, y: float, z: float, half: float) -> float:
     """How far the nearest corner of the cube around (x, y, z) lies along the vector of a bin's bound."""
     nx, ny, nz = float(bound[b, 0]), float(bound[b, 1]), float(bound[b, 2])
     return nx * x + ny * y + nz * z - half * (abs(nx) + abs(ny) + abs(nz))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _passed(
     x: float, y: float, z: float, edge: float, radius: float, half: float, elevation: float, azimuth: float, own: int,
     columns: int, end: NDArray[np.float32], bin_start: NDArray[np.int32], rows: float, row_start: NDArray[np.int64],
