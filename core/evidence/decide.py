@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from ..model.elements import BuildingModel
 from ..model.samples import SurfaceSamples
@@ -232,7 +232,7 @@ def _test(
     component = fit.determined @ fit.vector
     statistic = float(component @ np.linalg.solve(inside, component))
     x, y, z = (float(v) for v in fit.vector)
-    return (x, y, z), sigma, length, bool(statistic > chi2.ppf(0.95, k))
+    return (x, y, z), sigma, length, bool(statistic > chdtri(k, 0.05))
 
 
 def _status(

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
-from scipy.stats import t as student
+from scipy.special import chdtri, stdtrit
 
 from .blocks import Blocks, block_means
 from .error_model import ErrorModel
@@ -106,9 +105,9 @@ def _unevenness(blocks: Blocks, gain: Array, residual: Array, robust: Array, cam
     freedom = min(max(float(robust.sum()) - len(gain), 1.0), max(pieces - len(gain), 1.0))
     stated = blocks.variance + campaign.variance
     ratio = float(np.sum(robust * residual**2 / stated) / max(float(robust.sum()) - len(gain), 1.0))
-    if ratio <= float(chi2.ppf(ROUGHER, freedom)) / freedom:
+    if ratio <= float(chdtri(freedom, 1.0 - ROUGHER)) / freedom:
         return shared
-    widening = (float(student.ppf(0.975, freedom)) / 1.96) ** 2
+    widening = (float(stdtrit(freedom, 0.975)) / 1.96) ** 2
     own = (gain * (robust * residual**2)) @ gain.T
     return np.asarray(widening * np.maximum(ratio, 1.0) * shared if campaign.variance > 0 else widening * own)
 

@@ -19,7 +19,7 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from .blocks import Blocks
 
@@ -46,7 +46,7 @@ class Registration:
     @property
     def widening(self) -> float:
         """Factor on ``sigma`` so that 1.96 of it hold 95 %, as Student's distribution has it."""
-        return float(student.ppf(0.975, self.freedom)) / 1.96 if np.isfinite(self.freedom) else 1.0
+        return float(stdtrit(self.freedom, 0.975)) / 1.96 if np.isfinite(self.freedom) else 1.0
 
 
 def estimate_registration(elements: Iterable[Blocks], stations: int) -> Registration:
