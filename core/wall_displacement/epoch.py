@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit, prange
 from numpy.typing import NDArray
 
 from ..progress import Progress
 from ..scans.campaign import ScanSource
 
 Array = NDArray[np.float64]
+GOLDEN = 0.5 * (5**0.5 - 1)
 BYTES_PER_POINT = 200
 """Peak while a wall is worked on: coordinates in three frames, and masks."""
 
@@ -26,9 +28,28 @@ class Epoch:
     paths: tuple[str, ...] = ()
     kept_one_in: int = 1
 
-    def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> Epoch:
+    def take(self, rows: NDArray[np.int64]) -> Epoch:
         """The same epoch with only these points."""
         return Epoch(self.points[rows], self.station[rows], self.stations, self.date, self.paths, self.kept_one_in)
+
+
+
+def spread_rows(count: int, wanted: float) -> NDArray[np.int64]:
+    """About ``wanted`` of ``count`` row numbers, ascending, evenly spread whatever the period of the rows' order is.
+
+    The fractional parts of multiples of the golden ratio have no period, so no scan line or raster row is favoured.
+    """
+    if wanted >= count:
+        return np.arange(count)
+    return np.flatnonzero(_spread(count, wanted / count))
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _spread(count, share):  # type: ignore[no-untyped-def]
+    kept = np.empty(count, np.bool_)
+    for i in prange(count):
+        kept[i] = (i * GOLDEN) % 1.0 < share
+    return kept
 
 
 def read_epoch(source: ScanSource, origin: Array, memory_gb: float, progress: Progress) -> Epoch:

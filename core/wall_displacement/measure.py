@@ -5,16 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from .columns import Face, FoundJoint
 from .edges import Edge, Samples, fit_edges
+from .epoch import spread_rows
 
 Array = NDArray[np.float64]
 LARGEST_MOVE_M = 0.25
 NEAR_FACE_M = 0.06
 FAR_FACE_M = 0.7
 EDGE_REACH_M = 0.12
+BEYOND_M = 0.15
+"""A ray that crosses the face near a joint may come back from so much higher or lower."""
+MOST_NEAR_EDGE = 40_000
 TUKEY = 4.685
 NOT_DETERMINED_M = 0.02
 """A joint's height that is less certain than this is not stated."""
@@ -22,11 +27,13 @@ NOT_DETERMINED_M = 0.02
 
 @dataclass(frozen=True)
 class ColumnPoints:
-    """A column in one epoch: points (N, 3) in the column's frame, the position of the station of each (NaN: not known)."""
+    """A column in one epoch, column frame: thinned points (N, 3) with their face, and all returns (M, 3) near its joints."""
 
     points: Array
-    station: Array
     face: Face
+    returns: Array
+    station: Array
+    """(M, 3) where each return was measured from; NaN: not known."""
 
 
 @dataclass(frozen=True)
@@ -146,27 +153,38 @@ def fit_face(epoch: ColumnPoints, low: float, high: float, about: float) -> Face
     y, z = epoch.points[inside, 1], epoch.points[inside, 2] - about
     if len(y) < 8 or np.ptp(z) < 0.05:
         return None
-    step = max(1, len(y) // 20_000)
-    y, z = y[::step], z[::step]
-    scale = TUKEY * max(epoch.face.noise, 0.0007)
-    line = np.array([np.median(y), 0.0])
-    design = np.column_stack([np.ones_like(z), z])
-    weight = (epoch.face.residual[inside][::step] > -epoch.face.threshold).astype(np.float64) + 1e-9
-    for k in range(12):
-        root = np.sqrt(weight)
-        line = np.linalg.lstsq(design * root[:, None], y * root, rcond=None)[0]
-        residual = y - design @ line
-        wide = scale * (3.0 if k < 3 else 1.5 if k < 6 else 1.0)
-        weight = np.maximum(1 - (residual / wide) ** 2, 0.0) ** 2
-        if weight.sum() < 8:
-            return None
-    normal = (design * weight[:, None]).T @ design
-    variance = float(np.sum(weight * residual**2) / max(weight.sum() - 2, 1.0))
-    covariance = variance * np.linalg.pinv(normal)
+    weight = (epoch.face.residual[inside] > -epoch.face.threshold).astype(np.float64) + 1e-9
+    at, slope, variance = _robust_line(y, z, weight, TUKEY * max(epoch.face.noise, 0.0007))
+    if not np.isfinite(variance):
+        return None
     # neighbouring points share the surface's unevenness: about one free value per 5 cm square
     area = np.ptp(z) * np.ptp(epoch.points[inside, 0])
     alike = max(len(y) / max(area / 0.0025, 1.0), 1.0)
-    return FaceLine(float(line[0]), float(line[1]), about, float(np.sqrt(covariance[0, 0] * min(alike, 25.0))))
+    return FaceLine(at, slope, about, float(np.sqrt(variance * min(alike, 25.0))))
+
+
+@njit(cache=True, nogil=True)
+def _robust_line(y, z, weight, scale):  # type: ignore[no-untyped-def]
+    """y = a + b z by Tukey's biweight of the given scale, from a wide one down: a, b, variance of a (NaN: too few points)."""
+    a, b, variance = 0.0, 0.0, np.nan
+    for turn in range(13):
+        n, sz, szz, sy, szy, left = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(y.size):
+            w = weight[i]
+            if turn > 0:
+                wide = scale * (3.0 if turn < 4 else 1.5 if turn < 7 else 1.0)
+                r = (y[i] - a - b * z[i]) / wide
+                w = (1.0 - r * r) ** 2 if abs(r) < 1.0 else 0.0
+                left += w * (r * wide) ** 2
+            n, sz, szz = n + w, sz + w * z[i], szz + w * z[i] * z[i]
+            sy, szy = sy + w * y[i], szy + w * z[i] * y[i]
+        det = n * szz - sz * sz
+        if n < 8.0 or det <= 1e-9 * n * n:
+            return a, b, np.nan
+        variance = left / max(n - 2.0, 1.0) * szz / det
+        if turn < 12:
+            a, b = (szz * sy - sz * szy) / det, (n * szy - sz * sy) / det
+    return a, b, variance
 
 
 def edge_samples(
@@ -175,8 +193,9 @@ def edge_samples(
     """Where rays cross the plane of the face within ``reach`` of ``about``, and how recessed their returns are."""
     if line is None:
         return None
-    near = np.abs(epoch.points[:, 2] - about) < reach + 0.15
-    p, s = epoch.points[near], epoch.station[near]
+    near = np.flatnonzero(np.abs(epoch.returns[:, 2] - about) < reach + BEYOND_M)
+    near = near[spread_rows(len(near), MOST_NEAR_EDGE)]
+    p, s = epoch.returns[near], epoch.station[near]
     ray = p - s
     with np.errstate(divide="ignore", invalid="ignore"):
         share = (line.at + line.slope * (s[:, 2] - about) - s[:, 1]) / (ray[:, 1] - line.slope * ray[:, 2])

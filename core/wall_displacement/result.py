@@ -53,6 +53,14 @@ class Column:
     profile_base: NDArray[np.float64]
     profile_later: NDArray[np.float64]
     """(K,) depth of the face, out of the wall positive; NaN where not seen."""
+    vertical_probability: float | None = None
+    """That the joints' vertical displacements come from measurement and registration alone; None: not determined."""
+    lateral_probability: float | None = None
+
+    @property
+    def paired(self) -> tuple[JointDisplacement, ...]:
+        """The joints that both epochs show."""
+        return tuple(j for j in self.joints if j.state == "PAIRED")
 
     @property
     def bow(self) -> float | None:
@@ -68,14 +76,17 @@ class Column:
 
 @dataclass(frozen=True)
 class DisplacementField:
-    """Distances between the epochs along the face's normal at core points (K, 3) [m, scan frame]."""
+    """Distances between the epochs along the face's normals (K, 3) at core points (K, 3) [m, scan frame]."""
 
     points: NDArray[np.float64]
+    normals: NDArray[np.float64]
     distance: NDArray[np.float64]
     detection: NDArray[np.float64]
     """(K,) level of detection at 95 %."""
     count: NDArray[np.int64]
     """(K, 2) points used of the base and the later epoch."""
+    column: NDArray[np.int64]
+    """(K,) number of the column."""
 
     @property
     def significant(self) -> NDArray[np.bool_]:

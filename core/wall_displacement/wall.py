@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,8 @@ CELL_M = 0.3
 REACH_M = 0.45
 """Points this near to the wall's surface belong to it: panels' thickness, and movements up to it."""
 SMALLEST_WALL_M2 = 1.0
+MOST_CELLS = 5e7
+"""Of a grid that is held in memory."""
 
 
 @dataclass(frozen=True)
@@ -85,60 +88,82 @@ def find_wall(epoch: Epoch, near: Array | None = None) -> Wall:
     return _framed(epoch, voxel[upright][patch == chosen])
 
 
-def on_wall(epoch: Epoch, wall: Wall) -> tuple[Array, NDArray[np.int64]]:
-    """Points near the wall's surface (M, 3) in the wall frame, and their rows in the epoch; isolated ones are left out."""
+@dataclass(frozen=True)
+class WallPoints:
+    """Returns on a wall, wall frame: points (M, 3), the station of each (M,), the stations (S, 3); NaN where not known."""
+
+    points: Array
+    station: NDArray[np.int32]
+    stations: Array
+
+    def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> WallPoints:
+        """Only these points."""
+        return WallPoints(self.points[rows], self.station[rows], self.stations)
+
+
+def on_wall(epoch: Epoch, wall: Wall) -> WallPoints:
+    """The points near the wall's surface; isolated ones are left out."""
     points = wall.to_wall(epoch.points)
     depth = wall.depth(points[:, 0], points[:, 2])
     rows = np.flatnonzero(np.abs(points[:, 1] - depth) < REACH_M)
     rows = rows[_has_company(points[rows])]
-    return points[rows], rows
+    return WallPoints(points[rows], epoch.station[rows], wall.to_wall(epoch.stations))
 
 
 def spacing_on(points: Array) -> float:
     """Point spacing on the wall [m]: the square root of the area per point in the most usual density.
 
-    The density is the mode over 10 cm squares (larger ones for sparse scans), as for the outlier test.
+    The density is the median over 10 cm squares that hold points (larger squares for sparse scans).
     """
-    edge = 0.1
+    if not len(points):
+        return float("inf")
+    x, z = points[:, 0] - points[:, 0].min(), points[:, 2] - points[:, 2].min()
+    edge, middle = 0.1, 1.0
     for _ in range(6):
-        cell = np.floor(points[:, [0, 2]] / edge).astype(np.int64)
-        count = np.unique(cell, axis=0, return_counts=True)[1]
-        if np.median(count) >= 8:
+        rows = int(z.max() / edge) + 1
+        count = np.bincount((x / edge).astype(np.int64) * rows + (z / edge).astype(np.int64))
+        middle = float(np.median(count[count > 0]))
+        if middle >= 8:
             break
         edge *= 1.5
-    return float(edge / np.sqrt(max(float(np.median(count)), 1.0)))
+    return float(edge / np.sqrt(max(middle, 1.0)))
 
 
 def _has_company(points: Array) -> NDArray[np.bool_]:
-    """False for outliers: fewer than a tenth of the usual number of points within their cell and its neighbours."""
+    """False for outliers: fewer than 2 % of the usual number of points within their cell and its 26 neighbours."""
     if not len(points):
         return np.zeros(0, np.bool_)
     edge = max(0.1, 4 * spacing_on(points))
-    cell = np.floor(points / edge).astype(np.int64)
-    cell -= cell.min(axis=0) - 1
-    shape = cell.max(axis=0) + 2
-    if np.prod(shape.astype(np.float64)) > 5e7:
+    low = points.min(axis=0) - edge
+    shape = ((points.max(axis=0) - low) / edge).astype(np.int64) + 2
+    if np.prod(shape.astype(np.float64)) > MOST_CELLS:
         return np.ones(len(points), np.bool_)
-    count = np.zeros(shape, np.int32)
-    np.add.at(count, tuple(cell.T), 1)
-    around = count.copy()
+    key = _cell_keys(points, low, edge, shape)
+    around = np.bincount(key, minlength=int(np.prod(shape))).reshape(shape)
     for axis in range(3):
         around = around + np.roll(around, 1, axis) + np.roll(around, -1, axis)
-    own = around[tuple(cell.T)]
-    usual = np.median(own)
-    return own >= 0.02 * usual
+    own = around.ravel()[key]
+    return np.asarray(own >= 0.02 * np.median(own))
+
+
+def _cell_keys(points: Array, low: Array, edge: float, shape: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(N,) numbers of the cells of a grid over all three axes."""
+    x, y, z = (((points[:, k] - low[k]) / edge).astype(np.int64) for k in range(3))
+    return np.asarray((x * shape[1] + y) * shape[2] + z)
 
 
 def _thin(points: Array, edge: float) -> Array:
-    cell = np.floor(points / edge).astype(np.int64)
-    cell -= cell.min(axis=0)
-    span = cell.max(axis=0) + 1
-    if np.prod(span.astype(np.float64)) > 2**62:
+    """Means of the points in each cell of a grid."""
+    low = points.min(axis=0)
+    shape = ((points.max(axis=0) - low) / edge).astype(np.int64) + 1
+    if np.prod(shape.astype(np.float64)) > 2**62:
         return points[:: max(len(points) // 200_000, 1)]
-    key = (cell[:, 0] * span[1] + cell[:, 1]) * span[2] + cell[:, 2]
-    order, inverse, count = np.unique(key, return_inverse=True, return_counts=True)
-    total = np.stack([np.bincount(inverse, weights=points[:, k], minlength=len(order)) for k in range(3)], axis=1)
-    return total / count[:, None]
+    key = _cell_keys(points, low, edge, shape)
+    if np.prod(shape.astype(np.float64)) > MOST_CELLS:
+        key = np.unique(key, return_inverse=True)[1].ravel()
+    count = np.bincount(key)
+    total = np.stack([np.bincount(key, weights=points[:, k]) for k in range(3)], axis=1)
+    return np.asarray(total[count > 0] / count[count > 0, None])
 
 
 def _normals(points: Array, neighbours: int = 12) -> Array:
@@ -201,15 +226,11 @@ def _cell_medians(points: Array, low: Array, shape: tuple[int, ...], edge: float
 
 def _grow(surface: Array) -> Array:
     """Cells without points next to cells with some take their neighbours' median depth."""
-    filled = np.where(np.isfinite(surface), surface, np.inf)
     neighbours = np.stack([np.roll(np.roll(_pad(surface), i, 0), j, 1)[1:-1, 1:-1] for i in (-1, 0, 1) for j in (-1, 0, 1)])
-    with np.errstate(all="ignore"):
-        import warnings
-
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)
-            middle = np.nanmedian(neighbours, axis=0)
-    return np.where(np.isfinite(filled), surface, middle)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # cells whose neighbours are empty too
+        middle = np.nanmedian(neighbours, axis=0)
+    return np.where(np.isfinite(surface), surface, middle)
 
 
 def _pad(surface: Array) -> Array:

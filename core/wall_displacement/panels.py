@@ -1,0 +1,69 @@
+"""Where the columns of panels stand along a wall: between its vertical joints, or strips where there are none."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .columns import vertical_joints
+from .wall import Wall, WallPoints, smooth
+
+Array = NDArray[np.float64]
+NARROWEST_COLUMN_M = 0.3
+STRIP_M = 1.5
+"""Width of the strips that a wall without visible vertical joints is cut into."""
+
+
+def column_bounds(wall: Wall, base: WallPoints, spacing: float) -> tuple[list[tuple[float, float]], list[str]]:
+    """(low, high) of each column along the wall [m], from the base epoch; and what the user should know of them."""
+    points = base.points
+    smoothed = Wall(wall.origin, wall.axes, wall.low, smooth(wall.surface))
+    depth = smoothed.depth(points[:, 0], points[:, 2]) - points[:, 1]
+    joints = vertical_joints(points, np.nan_to_num(depth), spacing)
+    ends = (float(np.quantile(points[:, 0], 0.001)), float(np.quantile(points[:, 0], 0.999)))
+    warnings = []
+    if not len(joints):
+        warnings.append("No vertical joints were found: the wall was cut into strips, which may span two columns of panels.")
+        count = max(round((ends[1] - ends[0]) / STRIP_M), 1)
+        edges = np.linspace(*ends, count + 1)
+    else:
+        edges = np.array([ends[0], *_with_pitch(joints), ends[1]])
+    bounds = [(a, b) for a, b in itertools.pairwise(edges) if b - a > NARROWEST_COLUMN_M]
+    return [(float(a), float(b)) for a, b in bounds], warnings
+
+
+def split(points: WallPoints, bounds: list[tuple[float, float]]) -> list[WallPoints]:
+    """The points of each column, without those near its vertical joints."""
+    x = points.points[:, 0]
+    edges = inner_edges(bounds)
+    cell = np.searchsorted(edges, x).astype(np.int32)
+    inside = np.flatnonzero(cell % 2 == 1)
+    order = inside[np.argsort((cell[inside] // 2).astype(np.int16 if len(bounds) < 30_000 else np.int32), kind="stable")]
+    ends = np.cumsum(np.bincount(cell[inside] // 2, minlength=len(bounds)))
+    return [points.take(rows) for rows in np.split(order, ends[:-1])]
+
+
+def inner_edges(bounds: list[tuple[float, float]]) -> Array:
+    """(2C,) ends of the columns, clear of their vertical joints, ascending [m along the wall]."""
+    edges = []
+    for low, high in bounds:
+        margin = min(0.06, 0.15 * (high - low))
+        edges += [low + margin, high - margin]
+    return np.array(edges)
+
+
+def _with_pitch(joints: Array) -> Array:
+    """Joints that were missed between two found ones are put where the panels' usual width says."""
+    steps = np.diff(joints)
+    if len(steps) < 2:
+        return joints
+    pitch = float(np.median(steps))
+    out = [joints[0]]
+    for step, joint in zip(steps, joints[1:], strict=True):
+        pieces = round(step / pitch)
+        if pieces > 1 and abs(step - pieces * pitch) < 0.1 * pitch:
+            out += [joint - step * (1 - k / pieces) for k in range(1, pieces)]
+        out.append(joint)
+    return np.array(out)
