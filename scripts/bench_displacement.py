@@ -83,7 +83,8 @@ def main() -> None:
     cases = movements(design)
     if arguments.quick:
         cases = {k: cases[k] for k in ("none", "settlement 50", "lateral 100", "tilt 2", "tilts -2")}
-    extracted, errors, worst_joint, seconds, undetermined, z, count, number = [], [], 0.0, [], 0, [], 0, 0
+    extracted, errors, worst_joint, undetermined, count, number = [], [], 0.0, 0, 0, 0
+    seconds, taken, z = [], [], []
     print("distance incidence  step    extracted  mean error  worst case  s a column")
     for distance in DISTANCES_M:
         for incidence in INCIDENCES_DEG[1:2] if arguments.quick else INCIDENCES_DEG:
@@ -95,7 +96,8 @@ def main() -> None:
                     later = scanned(design, moves, distance, incidence, step, 1000 * number + 1 + k, arguments.locked)
                     begin = time.perf_counter()
                     result = displacement(base, later, DisplacementOptions())
-                    seconds.append((time.perf_counter() - begin) / max(len(result.columns), 1))
+                    taken.append(time.perf_counter() - begin)
+                    seconds.append(taken[-1] / max(len(result.columns), 1))
                     column = min(result.columns, key=lambda c: abs(0.5 * (c.low + c.high) - middle_x(result)))
                     shares, found = [], []
                     for row in range(design.rows - 1):
@@ -111,7 +113,7 @@ def main() -> None:
                             continue
                         error = 1000 * np.array([joint.lateral - true[0], joint.vertical - true[1]])
                         found.append(np.abs(error).mean())
-                        z += [error[0] / 1000 / joint.lateral_sigma, error[1] / 1000 / joint.vertical_sigma]
+                        z.append(error / 1000 / [joint.lateral_sigma, joint.vertical_sigma])
                         worst_joint = max(worst_joint, float(np.abs(error).max()))
                     count += 1
                     rows.append((np.mean(shares), np.mean(found) if found else np.nan))
@@ -120,13 +122,15 @@ def main() -> None:
                 case = np.array([r[1] for r in rows])
                 print(
                     f"{distance:6.0f} m {incidence:6.0f} deg {step:6.2f} {np.mean([r[0] for r in rows]):10.3f} "
-                    f"{np.nanmean(case):8.2f} mm {np.nanmax(case):8.2f} mm {seconds[-1]:8.2f}", flush=True,
+                    f"{np.nanmean(case):8.2f} mm {np.nanmax(case):8.2f} mm {np.mean(seconds[-len(rows):]):8.2f}", flush=True,
                 )
     print(f"{count} cases; joints extracted, mean {np.mean(extracted):.4f}; joints without a vertical movement {undetermined}")
+    share = 100 * np.mean(np.abs(z) < 1.96, axis=0)
     print(f"mean error {np.nanmean(errors):.3f} mm; worst single joint and direction {worst_joint:.2f} mm; "
-          f"|error| < 1.96 sigma in {100 * np.mean(np.abs(z) < 1.96):.1f} %; {np.mean(seconds):.2f} s a column")
+          f"|error| < 1.96 sigma: lateral {share[0]:.1f} %, vertical {share[1]:.1f} %")
+    print(f"{np.mean(seconds):.2f} s a column, at most {np.max(seconds):.2f} s; {np.mean(taken):.2f} s a case, "
+          f"at most {np.max(taken):.2f} s")
     print(f"worst {np.nanmax(errors):.3f} mm")
-
 
 
 def middle_x(result) -> float:  # type: ignore[no-untyped-def]

@@ -2,63 +2,62 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import BimVerifyError
-from ..files import whole_file
 from ..progress import Progress
-from .checks import check_outputs, input_options, parse_place
+from .checks import check_outputs, check_report, input_options, parse_place
 from .table import COMMON, ORIGIN, Argument, Command, Outcome, Values
 
-COLUMNS = (
-    "Column", "State", "X_m", "Y_m", "Z_m", "Vertical_mm", "VerticalSigma_mm", "VerticalSignificant", "Lateral_mm",
-    "LateralSigma_mm", "LateralSignificant", "Opening_mm", "CompletenessBase", "CompletenessLater",
-)
+if TYPE_CHECKING:
+    from ..jobs.displacement import DisplacementOptions
 
 
-def _displacement(values: Values, progress: Progress) -> Outcome:
-    from ..jobs.displacement import DisplacementOptions, displacement
+def displacement_options(values: Values) -> DisplacementOptions:
+    """Options of a comparison from a command's values."""
+    from ..jobs.displacement import DisplacementOptions
 
     sigma = values["registration_sigma_mm"]
     if not 0 <= sigma < 1000:
         raise BimVerifyError(f"--registration-sigma-mm must be 0 to 1000, not {sigma:g}.")
-    check_outputs([values["base"], values["later"]], [values["out"]])
-    options = DisplacementOptions(
-        registration_sigma=sigma / 1000, near=parse_place("--near", values["near"]), **input_options(values),
+    return DisplacementOptions(
+        registration_sigma=sigma / 1000, near=parse_place("--near", values["near"]), **input_options(values)
     )
-    result = displacement([values["base"]], [values["later"]], options, progress)
-    rows = [_row(joint) for joint in result.joints]
-    paired = [j for j in result.joints if j.state == "PAIRED"]
-    moved = sum(bool(j.vertical_significant or j.lateral_significant) for j in paired)
-    lines = [
-        f"{len(result.columns)} columns, {len(paired)} joints in both epochs, {moved} of them moved significantly.",
-        *(f"Note: {warning}" for warning in result.warnings),
-        f"Joints: {values['out']}",
-    ]
+
+
+def _displacement(values: Values, progress: Progress) -> Outcome:
+    from ..jobs.displacement import displacement
+    from ..report.page_frame import PAGE
+    from ..wall_displacement.psets import write_displacement_ifc
+    from ..wall_displacement.report import write_displacement_report
+    from ..wall_displacement.tables import displacement_to_json, summary_lines, write_joints
+
+    options = displacement_options(values)
+    model, element, out_ifc = values["model"], values["element"], values["out_ifc"]
+    if any((model, element, out_ifc)) and not all((model, element, out_ifc)):
+        raise BimVerifyError("--model, --element and --out-ifc belong together: give all three, or none of them.")
+    inputs = [values["base"], values["later"], *([model] if model else [])]
+    outputs = [values[key] for key in ("out", "out_ifc", "json") if values[key]]
+    check_outputs(inputs, outputs)
+    if values["report"]:
+        check_report(values["report"], (PAGE,), inputs, outputs)
+    wall = (model, element) if model else None
+    result = displacement([values["base"]], [values["later"]], options, progress, wall)
+    lines = [*summary_lines(result), f"Joints: {values['out']}"]
+    if out_ifc:
+        lines.append(f"Property set: {out_ifc}")
+    if values["report"]:
+        lines.append(f"Report: {Path(values['report']) / PAGE}")
 
     def write() -> None:
-        text = io.StringIO(newline="")
-        writer = csv.writer(text)
-        writer.writerow(COLUMNS)
-        writer.writerows(rows)
-        with whole_file(values["out"]) as temporary:
-            temporary.write_text(text.getvalue(), encoding="utf-8", newline="")
+        write_joints(values["out"], result)
+        if out_ifc:
+            write_displacement_ifc(model, element, result, out_ifc)
+        if values["report"]:
+            write_displacement_report(values["report"], result)
 
-    data = {"columns": len(result.columns), "joints": [dict(zip(COLUMNS, row, strict=True)) for row in rows]}
-    return Outcome(lines, data, result, write)
-
-
-def _row(joint: Any) -> list[Any]:
-    def mm(value: float | None) -> float | None:
-        return None if value is None else round(1000 * value, 3)
-
-    return [
-        joint.column, joint.state, *(round(float(v), 4) for v in joint.position), mm(joint.vertical), mm(joint.vertical_sigma),
-        joint.vertical_significant, mm(joint.lateral), mm(joint.lateral_sigma), joint.lateral_significant, mm(joint.opening),
-        round(float(joint.completeness_base), 3), round(float(joint.completeness_later), 3),
-    ]
+    return Outcome(lines, displacement_to_json(result), result, write)
 
 
 COMMAND = Command(
@@ -70,7 +69,11 @@ COMMAND = Command(
         Argument("--out", "CSV file to write, one line a joint", required=True),
         Argument("--registration-sigma-mm", "standard deviation of the registration between the epochs", float, 1.0),
         Argument("--near", "X,Y,Z of a point on the wall in metres, where the scans hold several walls"),
+        Argument("--model", "IFC file in which the wall is an element, in the scans' frame"),
+        Argument("--element", "GlobalId of the wall in the model"),
+        Argument("--out-ifc", "IFC file to write: the model with a property set on the wall"),
         ORIGIN,
+        Argument("--report", "folder for the report (one HTML page)"),
         *COMMON,
     ),
     _displacement,

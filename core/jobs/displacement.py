@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
+from ..model.elements import BuildingModel
 from ..options import InputOptions
 from ..progress import Progress
 from ..scans.campaign import ScanSource
@@ -20,9 +21,10 @@ from ..wall_displacement.epoch import Epoch, read_epoch, spread_rows
 from ..wall_displacement.field import joined
 from ..wall_displacement.measure import BEYOND_M, EDGE_REACH_M
 from ..wall_displacement.panels import column_bounds, split
+from ..wall_displacement.psets import check_is_element, element_box
 from ..wall_displacement.result import Column, DisplacementResult
 from ..wall_displacement.wall import find_wall, on_wall, spacing_on
-from .inputs import Stopwatch, limited_threads
+from .inputs import Stopwatch, limited_threads, open_model
 
 Array = NDArray[np.float64]
 ENOUGH_TO_FIND = 500_000
@@ -46,22 +48,33 @@ def displacement(
     later: ScanSource | Sequence[str | Path],
     options: DisplacementOptions | None = None,
     progress: Progress | None = None,
+    element: tuple[BuildingModel | str | Path, str] | None = None,
 ) -> DisplacementResult:
     """Displacements of a panelled wall between two epochs that are registered to one frame with z up.
 
-    Nothing is written. Raises BimVerifyError when a file cannot be used, when a scan holds no upright wall, or when the
-    later epoch does not show the base epoch's wall.
+    ``element``: a model in the scans' frame and the GlobalId of the wall in it; the wall is then looked for there. Nothing is
+    written. Raises BimVerifyError when a file cannot be used, when a scan holds no upright wall, when the later epoch does
+    not show the base epoch's wall, or when the wall that was found is not the element.
     """
     options, progress = options or DisplacementOptions(), progress or Progress()
     with limited_threads(options.threads):
         watch = Stopwatch()
+        box = None
+        if element is not None:
+            box = element_box(open_model(element[0], options, progress.part(0.0, 0.1)), element[1])
+            if options.near is None:
+                x, y, z = (float(v) for v in box.mean(axis=0))
+                options = replace(options, near=(x, y, z))
         sources = [open_scans(s, origin=options.origin) if isinstance(s, Sequence) else s for s in (base, later)]
         origin: Array = np.round(sources[0].stations[0].position).astype(np.float64)
         epochs = [
             read_epoch(s, origin, options.memory_gb, progress.part(0.25 * k, 0.25 * (k + 1))) for k, s in enumerate(sources)
         ]
         watch.lap("reading")
-        return _displacement(epochs, origin, options, progress.part(0.5, 1.0), watch)
+        result = _displacement(epochs, origin, options, progress.part(0.5, 1.0), watch)
+        if element is not None and box is not None:
+            check_is_element(result, box, element[1])
+        return result
 
 
 def _displacement(

@@ -12,7 +12,7 @@ from .epoch import spread_rows
 
 Array = NDArray[np.float64]
 RAMPS_M = (0.0, 0.003, 0.006, 0.01, 0.015, 0.02, 0.03)
-STEP_M = 0.0005
+STEP_M = 0.0002
 BLOCKS = 8
 MOST_SAMPLES = 12_000
 
@@ -86,7 +86,7 @@ def _edge(samples: Samples, places: Array, cost: Array, ramp: float) -> Edge:
     under = below[below <= at]
     over = above[above >= at]
     gap = (over.min() if len(over) else at + 0.05) - (under.max() if len(under) else at - 0.05)
-    return Edge(at, float(np.hypot(spread, max(gap, 0.0) / np.sqrt(12.0))))
+    return Edge(at, float(np.sqrt(spread**2 + (max(gap, 0.0) ** 2 + STEP_M**2) / 12.0)))
 
 
 def _middle(places: Array, cost: Array) -> float:
