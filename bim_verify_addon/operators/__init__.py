@@ -4,6 +4,7 @@ from .align import BIMVERIFY_OT_align
 from .change import BIMVERIFY_OT_change
 from .coregister import BIMVERIFY_OT_coregister
 from .decide import BIMVERIFY_OT_decide
+from .displacement import BIMVERIFY_OT_displacement
 from .export_bcf import BIMVERIFY_OT_export_bcf
 from .export_ifc import BIMVERIFY_OT_export_ifc
 from .export_other import (
@@ -38,6 +39,7 @@ CLASSES = (
     BIMVERIFY_OT_plan,
     BIMVERIFY_OT_simulate,
     BIMVERIFY_OT_reconstruct,
+    BIMVERIFY_OT_displacement,
     BIMVERIFY_OT_show_results,
     BIMVERIFY_OT_decide,
     BIMVERIFY_OT_export_ifc,

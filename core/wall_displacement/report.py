@@ -18,6 +18,8 @@ WIDTH = 760
 MOST_CELLS = 4000
 """Of the elevation, so that the page stays small."""
 MOST_PROFILES = 24
+LABEL_WIDTH = 44
+"""Of a column in the drawing, so that the numbers at its joints can be read."""
 SMALLEST_LIMIT_M = 0.005
 PLOT, LEFT, TOP, BOTTOM = 300, 52, 14, 40
 FACE, JOINT = "#3a7ca5", "#b5651d"
@@ -28,8 +30,10 @@ def write_displacement_report(folder: str | Path, result: DisplacementResult) ->
     lines = summary_lines(result)
     limit = color_limit(result)
     sections = [Section(
-        "Elevation", f"Movement out of the wall (orange) and into it (blue) between the joints; the colours end at "
-        f"{1000 * limit:.0f} mm. Pale cells are smaller than their level of detection.", drawing=_elevation(result, limit),
+        "Elevation",
+        f"Movement out of the wall (orange) and into it (blue) between the joints; the colours end at "
+        f"{1000 * limit:.0f} mm. Pale cells are smaller than their level of detection. "
+        "The numbers at the joints are their vertical movement in mm, upwards positive.", drawing=_elevation(result, limit),
     )]  # fmt: skip
     chosen = sorted(result.columns, key=lambda c: -_reach(c))[:MOST_PROFILES]
     for column in sorted(chosen, key=lambda c: c.number):
@@ -113,6 +117,14 @@ def _elevation(result: DisplacementResult, limit: float) -> Markup:
             f'fill="#{color[0]:02x}{color[1]:02x}{color[2]:02x}" opacity="{1 if sure else 0.35}">'
             f"<title>{1000 * value:+.1f} mm</title></rect>"
         )
+    for column in result.columns:
+        if (column.high - column.low) * scale < LABEL_WIDTH:
+            continue
+        for joint in column.paired:
+            if joint.vertical is not None:
+                at = float(along_wall(result, np.array([joint.position]))[0])
+                parts.append(_text((at - x.min()) * scale, height - (joint.height - z.min()) * scale + 4,
+                                   f"{1000 * joint.vertical:+.1f}", "middle strong"))  # fmt: skip
     return Markup(f'<svg viewBox="0 0 {WIDTH} {height:.0f}" role="img" aria-label="Elevation">{"".join(parts)}</svg>')
 
 

@@ -62,6 +62,14 @@ class Column:
         """The joints that both epochs show."""
         return tuple(j for j in self.joints if j.state == "PAIRED")
 
+    def vertical_at(self, heights: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N,) vertical movement [m] at ``heights`` (N,) [m, scan frame], between joints by proportion; NaN: no joint tells."""
+        known = [(j.height, j.vertical) for j in self.paired if j.vertical is not None]
+        if not known:
+            return np.full(len(heights), np.nan)
+        z, moved = np.array(known, dtype=np.float64).T
+        return np.asarray(np.interp(heights, z, moved))
+
     @property
     def bow(self) -> float | None:
         """Largest change of the face from a straight line between its ends [m], signed."""
