@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 PLACE = "Wall displacement"
 COLUMN_KEY = "bim_verify_column"
 """On each column's object: its number."""
-SUMMARY_KEY, LIMIT_KEY = "bim_verify_displacement", "bim_verify_displacement_limit"
+SUMMARY_KEY, LIMIT_KEY = "bim_verify_wall_summary", "bim_verify_wall_limit"
 """On the scene: what was found, in one sentence; metres at which the colours end."""
 LATERAL, VERTICAL, DETECTION = "bv_lateral", "bv_vertical", "bv_detection"
 UNSURE = 0.35
@@ -83,9 +83,9 @@ def _show_column(
 
     points, normals = result.field.points[rows], result.field.normals[rows]
     middle = np.round(points.mean(axis=0))
-    along = np.cross(normals, [0.0, 0.0, 1.0])
+    along = np.cross([0.0, 0.0, 1.0], normals)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    up = np.cross(along, normals)
+    up = np.cross(normals, along)
     half = 0.5 * STEP_M
     corners = np.stack([points - middle + half * (a * along + b * up) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))], axis=1)
     name = f"Wall column {column.number}"

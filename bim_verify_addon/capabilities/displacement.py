@@ -12,6 +12,10 @@ from ..capability import Capability, Step, StepState
 from ..text import wrapped
 
 
+def _recolor(settings: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
+    wall_scene.recolor(settings.id_data)
+
+
 class BimVerifyDisplacementSettings(bpy.types.PropertyGroup):
     """Of one scene."""
 
@@ -29,7 +33,7 @@ class BimVerifyDisplacementSettings(bpy.types.PropertyGroup):
             ("LATERAL", "Out of the wall", "Movement along the face's normal; pale where it is not significant"),
             ("VERTICAL", "Upwards", "Movement of the joints upwards, by proportion between them"),
         ),
-        update=lambda self, _: wall_scene.recolor(self.id_data),
+        update=_recolor,
     )
 
 

@@ -102,7 +102,7 @@ def _displacement(
     for number in range(len(bounds)):
         progress.update(0.1 + 0.4 * number / len(bounds), f"Looking for joints in column {number + 1} of {len(bounds)}")
         base, later = (p[number].points for p in split_parts)
-        draft = find_joints(number, bounds[number], base, later, wall, origin, (thinned[0], thinned[1]))
+        draft = find_joints(len(bounds) - 1 - number, bounds[number], base, later, wall, origin, (thinned[0], thinned[1]))
         if draft is not None:
             drafts.append(draft)
     watch.lap("joints")
@@ -115,7 +115,7 @@ def _displacement(
     ]
     columns, fields = [], []
     for k, draft in enumerate(drafts):
-        progress.update(0.5 + 0.5 * k / len(drafts), f"Measuring column {draft.number + 1} of {len(bounds)}")
+        progress.update(0.5 + 0.5 * k / len(drafts), f"Measuring column {k + 1} of {len(drafts)}")
         column, field = compare_column(draft, near[0][k], near[1][k], max(thinned), options.registration_sigma)
         columns.append(column)
         fields.append(field)
@@ -123,7 +123,8 @@ def _displacement(
     outward = wall.axes[1]
     warnings += _notes(columns, epochs, max(spacing))
     return DisplacementResult(
-        columns=tuple(columns), field=joined(fields), outward=(float(outward[0]), float(outward[1]), float(outward[2])),
+        columns=tuple(columns[::-1]), field=joined(fields[::-1]),
+        outward=(float(outward[0]), float(outward[1]), float(outward[2])),
         area=wall.area, spacing=(spacing[0], spacing[1]), registration_sigma=options.registration_sigma,
         base_paths=epochs[0].paths, later_paths=epochs[1].paths, base_date=epochs[0].date, later_date=epochs[1].date,
         warnings=tuple(warnings), timings=watch.seconds,

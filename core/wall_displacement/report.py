@@ -129,9 +129,8 @@ def _elevation(result: DisplacementResult, limit: float) -> Markup:
 
 
 def along_wall(result: DisplacementResult, points: Array) -> Array:
-    """(N,) metres along the wall's horizontal direction, of points (N, 3) in the scan frame."""
-    out = np.array(result.outward)
-    return np.asarray(points @ np.cross(out, [0.0, 0.0, 1.0]))
+    """(N,) metres along the wall, to the right as seen from in front of it, of points (N, 3) in the scan frame."""
+    return np.asarray(points @ np.cross([0.0, 0.0, 1.0], result.outward))
 
 
 def _profile(column: Column) -> Markup:

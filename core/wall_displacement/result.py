@@ -44,6 +44,7 @@ class Column:
     """One column of panels."""
 
     number: int
+    """From 0, from the left as seen from in front of the wall."""
     low: float
     high: float
     """Along the wall."""

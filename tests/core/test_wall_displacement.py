@@ -1,78 +1,280 @@
-"""A panelled wall between two epochs: settlement and lateral movement of its joints, and what the command writes."""
+"""A panelled wall between two epochs: joints measured and tested, what makes it hard, and what the command writes."""
 
 from __future__ import annotations
 
 import csv
+import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import ifcopenshell
+import ifcopenshell.util.element
 import numpy as np
 import pytest
 
 from bim_verify.cli import main
-from bim_verify.core.jobs.displacement import displacement
+from bim_verify.core.jobs.displacement import DisplacementOptions, displacement
 from bim_verify.core.scans.campaign import ReturnBlock, Station
 from bim_verify.core.scans.write_e57 import write_e57
 from bim_verify.core.simulation.box_building import ArraySource
-from bim_verify.core.simulation.panel_wall import PanelMove, WallDesign, build_wall, joint_shift, uniform
+from bim_verify.core.simulation.panel_wall import PanelMove, WallDesign, build_wall, joint_shift, leaning, uniform
 from bim_verify.core.simulation.scanner import PRESETS
+from bim_verify.core.simulation.scene import Scene
 from bim_verify.core.simulation.wall_scan import scan_window
+from bim_verify.core.wall_displacement.edges import Samples, fit_edges
+from bim_verify.core.wall_displacement.epoch import spread_rows
+from bim_verify.core.wall_displacement.result import Column, DisplacementResult, JointDisplacement
+from bim_verify.core.wall_displacement.tables import column_moved
+
+from .model_files import ModelFile, at
 
 DESIGN = WallDesign()
-POSITION = np.array([1.0, 6.0, 1.75])
+POSITION = (1.0, 6.0, 1.75)
 SCANNER = replace(PRESETS["fine"], angular_step=float(np.radians(0.1)), sigma_range=0.001)
+STILL = uniform(DESIGN)
+Moves = Sequence[PanelMove]
 
 
-def scanned(moves: list[PanelMove], seed: int) -> np.ndarray:
-    scene = build_wall(DESIGN, dict.fromkeys(range(DESIGN.columns), moves))
-    half, top = DESIGN.panel_width / 2 + 0.35, DESIGN.rows * (DESIGN.panel_height + DESIGN.joint)
-    return scan_window(scene, POSITION, np.array([-half, 0.0, 0.0]), np.array([half, 0.0, top]), SCANNER, seed=seed)
+def wall(moves: Moves = STILL, **changes: object) -> Scene:
+    """All columns moved alike."""
+    return build_wall(DESIGN, dict.fromkeys(range(DESIGN.columns), moves), **changes)  # type: ignore[arg-type]
+
+
+def scanned(scene: Scene, seed: int, *places: tuple[float, float, float], half: float = 0.0) -> ArraySource:
+    """One station a place; the middle column and the edges of its neighbours, or ``half`` metres to both sides."""
+    half, top = half or DESIGN.panel_width / 2 + 0.35, DESIGN.rows * (DESIGN.panel_height + DESIGN.joint)
+    stations = tuple(Station(f"S{k}", np.array(place)) for k, place in enumerate(places or (POSITION,)))
+    return ArraySource(stations, tuple(
+        scan_window(scene, s.position, np.array([-half, -0.2, 0.0]), np.array([half, 0.2, top]), SCANNER, seed=seed + k)
+        for k, s in enumerate(stations)
+    ))
+
+
+def middle_column(result: DisplacementResult) -> Column:
+    return min(result.columns, key=lambda c: abs(c.joints[0].position[0]) if c.joints else np.inf)
+
+
+def row_of(joint: JointDisplacement) -> int:
+    return int(np.argmin([abs(joint.height - DESIGN.joint_height(r)) for r in range(DESIGN.rows - 1)]))
+
+
+def assert_moved_as(column: Column, moves: Moves, *, count: int = DESIGN.rows - 1, within: float = 0.002) -> None:
+    """The joints say what the panels did, to ``within`` metres."""
+    assert len(column.paired) == count
+    for joint in column.paired:
+        lateral, vertical = joint_shift(DESIGN, moves, row_of(joint))
+        assert joint.lateral == pytest.approx(lateral, abs=within)
+        assert joint.vertical == pytest.approx(vertical, abs=within)
 
 
 @pytest.fixture(scope="module")
-def epochs() -> tuple[np.ndarray, np.ndarray, list[PanelMove]]:
-    moves = uniform(DESIGN, vertical=-0.02, lateral=0.01)
-    return scanned(uniform(DESIGN), 1), scanned(moves, 2), moves
+def base() -> ArraySource:
+    return scanned(wall(), 1)
 
 
-def source(offsets: np.ndarray) -> ArraySource:
-    return ArraySource((Station("S", POSITION),), (offsets,))
+@pytest.fixture(scope="module")
+def moved() -> ArraySource:
+    return scanned(wall(uniform(DESIGN, vertical=-0.02, lateral=0.01)), 20)
 
 
-def test_joints_have_moved_as_the_panels_have(epochs) -> None:  # type: ignore[no-untyped-def]
-    base, later, moves = epochs
-    result = displacement(source(base), source(later))
-    column = min(result.columns, key=lambda c: abs(c.low + c.high - result.columns[0].low - result.columns[-1].high))
-    paired = [j for j in column.joints if j.state == "PAIRED"]
-    assert len(paired) == DESIGN.rows - 1
-    for joint in paired:
-        row = int(np.argmin([abs(joint.position[2] - DESIGN.joint_height(r)) for r in range(DESIGN.rows - 1)]))
-        lateral, vertical = joint_shift(DESIGN, moves, row)
-        assert joint.lateral == pytest.approx(lateral, abs=0.002)
-        assert joint.vertical == pytest.approx(vertical, abs=0.002)
-        assert joint.lateral_significant and joint.vertical_significant
+@pytest.fixture(scope="module")
+def result(base: ArraySource, moved: ArraySource) -> DisplacementResult:
+    return displacement(base, moved)
 
 
-def test_the_same_epoch_twice_has_not_moved(epochs) -> None:  # type: ignore[no-untyped-def]
-    result = displacement(source(epochs[0]), source(epochs[0]))
+def test_joints_have_moved_as_the_panels_have(result: DisplacementResult) -> None:
+    column = middle_column(result)
+    assert_moved_as(column, uniform(DESIGN, vertical=-0.02, lateral=0.01))
+    assert all(j.lateral_significant and j.vertical_significant for j in column.paired)
+    assert column_moved(column)
+
+
+def test_between_the_joints_the_face_has_moved_by_as_much(result: DisplacementResult) -> None:
+    field = result.field
+    assert len(field.distance) > 300
+    assert np.median(field.distance) == pytest.approx(0.01, abs=0.0005)
+    assert np.quantile(np.abs(field.distance - 0.01), 0.95) < 0.003
+    assert field.significant.mean() > 0.95
+    assert np.allclose(np.linalg.norm(field.normals, axis=1), 1.0)
+    assert set(field.column) <= {c.number for c in result.columns}
+
+
+def test_the_same_epoch_twice_has_not_moved(base: ArraySource) -> None:
+    result = displacement(base, base)
     paired = [j for j in result.joints if j.state == "PAIRED"]
     assert paired
     assert all(abs(j.vertical or 0.0) < 1e-9 and abs(j.lateral or 0.0) < 1e-9 for j in paired)
+    assert not result.field.significant.any()
 
 
-def test_the_command_writes_one_line_a_joint(epochs, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_noise_alone_is_not_significant(base: ArraySource) -> None:
+    result = displacement(base, scanned(wall(), 90))
+    assert not any(column_moved(c) for c in result.columns)
+    assert result.field.significant.mean() < 0.05
+
+
+def test_a_registration_that_is_not_better_hides_the_movement(base: ArraySource, moved: ArraySource) -> None:
+    result = displacement(base, moved, DisplacementOptions(registration_sigma=0.05))
+    assert not any(j.vertical_significant or j.lateral_significant for j in result.joints)
+    assert not any(column_moved(c) for c in result.columns)
+
+
+def test_new_panels_bring_new_joints_and_the_old_ones_keep_their_partners() -> None:
+    three = dict.fromkeys(range(DESIGN.columns), 3)
+    moves = uniform(DESIGN, vertical=-0.012)
+    result = displacement(scanned(wall(present=three), 1), scanned(wall(moves), 30))
+    column = middle_column(result)
+    assert_moved_as(column, moves, count=2)
+    new = [j for j in column.joints if j.state == "NEW"]
+    assert [row_of(j) for j in new] == [2]
+    assert all(j.vertical is None and j.vertical_significant is None for j in new)
+
+
+def test_a_filled_joint_is_missing_and_no_other_takes_its_place(base: ArraySource) -> None:
+    moves = uniform(DESIGN, lateral=0.015)
+    result = displacement(base, scanned(wall(moves, filled=[(1, 1)]), 40))
+    column = middle_column(result)
+    assert_moved_as(column, moves, count=2)
+    assert [row_of(j) for j in column.joints if j.state == "MISSING"] == [1]
+
+
+def test_a_wall_that_bends_is_followed_panel_by_panel(base: ArraySource) -> None:
+    moves = leaning(DESIGN, np.radians([0.8, 0.4, -0.4, -0.8]).tolist())
+    result = displacement(base, scanned(wall(moves), 50))
+    column = middle_column(result)
+    assert_moved_as(column, moves)
+    assert column.bow is not None
+    assert column.bow > 0.015
+
+
+def test_a_wall_curved_in_plan_has_its_columns_measured_in_their_own_direction() -> None:
+    radius = 12.0
+
+    def curved(moves: Moves) -> Scene:
+        scene = wall(moves)
+        x, y, z = (scene.corners[..., k] for k in range(3))
+        reach = radius - y  # the wall stands on the inside of a circle, the scanner within it
+        bent = np.stack([reach * np.sin(x / radius), radius - reach * np.cos(x / radius), z], axis=-1)
+        kept = np.array([not name.startswith("ground") for name in scene.names])[scene.owner]
+        return Scene(bent[kept], scene.owner[kept], scene.names, reflectance=scene.reflectance)
+
+    moves = uniform(DESIGN, vertical=-0.01, lateral=0.012)
+    result = displacement(scanned(curved(STILL), 1, half=2.2), scanned(curved(moves), 60, half=2.2))
+    assert len(result.columns) == 3
+    for column in result.columns:
+        assert_moved_as(column, moves)
+
+
+def test_epochs_from_other_stations_agree(base: ArraySource) -> None:
+    moves = uniform(DESIGN, vertical=-0.015)
+    later = scanned(wall(moves), 70, (-2.0, 5.0, 1.6), (2.5, 7.0, 2.1))
+    assert_moved_as(middle_column(displacement(base, later)), moves)
+
+
+def test_strays_and_a_thing_before_the_wall_change_nothing(base: ArraySource, moved: ArraySource) -> None:
+    random = np.random.default_rng(5)
+    strays = random.uniform([-1.2, -0.4, 0.0], [1.2, 1.5, 6.0], (3000, 3))
+    thing = random.uniform([-0.5, 0.25, 0.0], [0.0, 0.35, 2.0], (20_000, 3))
+    offsets = np.concatenate([moved.offsets[0], strays - POSITION, thing - POSITION])
+    result = displacement(base, ArraySource(moved.stations, (offsets,)))
+    assert_moved_as(middle_column(result), uniform(DESIGN, vertical=-0.02, lateral=0.01))
+
+
+def test_the_order_of_the_returns_does_not_matter(base: ArraySource, moved: ArraySource, result: DisplacementResult) -> None:
+    order = np.random.default_rng(0).permutation(len(moved.offsets[0]))
+    other = displacement(base, ArraySource(moved.stations, (moved.offsets[0][order],)))
+    for first, second in zip(result.joints, other.joints, strict=True):
+        assert second.state == first.state
+        assert second.lateral == pytest.approx(first.lateral, abs=2e-4)
+        assert second.vertical == pytest.approx(first.vertical, abs=1e-3)
+
+
+def test_the_edge_of_a_recess_is_found_and_its_sigma_says_how_well() -> None:
+    random = np.random.default_rng(1)
+    errors, sigmas = [], []
+    for k in range(40):
+        v = random.uniform(-0.05, 0.05, 400)
+        edge = 0.001 * (k % 7)
+        q = np.clip((v - edge) / 0.01 + 0.5, 0, 1)
+        found = fit_edges([Samples(v, np.clip(q + random.normal(0, 0.05, 400), 0, 1), random.random(400))], -0.04, 0.04)[0]
+        errors.append(found.at - edge)
+        sigmas.append(found.sigma)
+    assert np.abs(errors).max() < 0.001
+    assert np.mean(np.abs(errors) < 1.96 * np.array(sigmas)) > 0.85
+
+
+def test_thinning_has_no_period_and_takes_what_was_asked() -> None:
+    rows = spread_rows(100_000, 12_500)
+    assert len(rows) == pytest.approx(12_500, rel=0.01)
+    assert np.bincount(rows % 8, minlength=8).min() > 1400
+    assert (np.diff(rows) < 20).all()
+    assert len(spread_rows(10, 50)) == 10
+
+
+def write_epochs(folder: Path, base: ArraySource, later: ArraySource) -> list[str]:
     paths = []
-    for name, offsets in zip(("base", "later"), epochs[:2], strict=True):
-        paths.append(str(tmp_path / f"{name}.e57"))
-        write_e57(paths[-1], (Station("S", POSITION),), [ReturnBlock(0, offsets)])
-    out = tmp_path / "displacement.csv"
-    assert main(["displacement", *paths, "--out", str(out), "--quiet"]) == 0
+    for name, source in (("base", base), ("later", later)):
+        paths.append(str(folder / f"{name}.e57"))
+        write_e57(paths[-1], source.stations, [ReturnBlock(k, o) for k, o in enumerate(source.offsets)])
+    return paths
+
+
+@pytest.fixture(scope="module")
+def files(base: ArraySource, moved: ArraySource, tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], str, str, str]:
+    """Two scans, a model in millimetres, and the GlobalIds of the wall and of a slab elsewhere in it."""
+    folder = tmp_path_factory.mktemp("wall")
+    made = ModelFile()
+    wall = made.product("IfcWall", "Retaining wall", made.box(4.6, 0.14, 6.1), at(-2.3, -0.14, 0.0))
+    slab = made.product("IfcSlab", "Far away", made.box(2.0, 2.0, 0.2), at(30.0, 0.0, 0.0))
+    return write_epochs(folder, base, moved), str(made.write(folder / "site.ifc")), wall.GlobalId, slab.GlobalId
+
+
+def test_the_command_writes_table_json_and_report(files: tuple[list[str], str, str, str], tmp_path: Path) -> None:
+    out, report, data = (tmp_path / n for n in ("displacement.csv", "report", "found.json"))
+    code = main(["displacement", *files[0], "--out", str(out), "--report", str(report), "--json", str(data), "--quiet"])
+    assert code == 0
     rows = list(csv.DictReader(out.open(encoding="utf-8")))
-    moved = [float(row["Vertical_mm"]) for row in rows if row["State"] == "PAIRED" and row["Vertical_mm"]]
-    assert np.median(moved) == pytest.approx(-20.0, abs=2.0)
+    settled = [float(row["Vertical_mm"]) for row in rows if row["State"] == "PAIRED" and row["Vertical_mm"]]
+    assert np.median(settled) == pytest.approx(-20.0, abs=2.0)
+    found = json.loads(data.read_text(encoding="utf-8"))
+    assert [joint["State"] for joint in found["joints"]] == [row["State"] for row in rows]
+    assert len(found["field"]["distance_mm"]) == len(found["field"]["position_m"])
+    page = (report / "index.html").read_text(encoding="utf-8")
+    assert page.count("<polyline") == len(found["columns"])
 
 
-def test_a_scan_without_a_wall_is_refused_in_a_sentence(tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
+def test_the_wall_in_the_model_gets_a_property_set_in_the_files_units(
+    files: tuple[list[str], str, str, str], tmp_path: Path
+) -> None:
+    paths, model, guid, _ = files
+    out, ifc = tmp_path / "d.csv", tmp_path / "moved.ifc"
+    before = Path(model).read_bytes()
+    wanted = ["--model", model, "--element", guid, "--out-ifc", str(ifc)]
+    assert main(["displacement", *paths, "--out", str(out), *wanted, "--quiet"]) == 0
+    pset = ifcopenshell.util.element.get_psets(ifcopenshell.open(str(ifc)).by_guid(guid))["BimVerify_Displacement"]
+    assert pset["VerticalMean"] == pytest.approx(-20.0, abs=2.0)
+    assert pset["LateralMean"] == pytest.approx(10.0, abs=1.0)
+    assert pset["Significant"] is True
+    assert pset["BaseSource"] == "base.e57"
+    assert Path(model).read_bytes() == before
+
+
+@pytest.mark.parametrize("case", ["another element", "no such element", "half the options"])
+def test_a_wall_that_is_not_the_element_is_refused_and_nothing_written(
+    files: tuple[list[str], str, str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str], case: str
+) -> None:
+    paths, model, _, slab = files
+    out, ifc = tmp_path / "d.csv", tmp_path / "moved.ifc"
+    guid = {"another element": slab, "no such element": "0000000000000000000000"}.get(case, "")
+    wanted = ["--model", model, *(["--element", guid] if guid else []), "--out-ifc", str(ifc)]
+    assert main(["displacement", *paths, "--out", str(out), *wanted, "--quiet"]) == 1
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+    assert not out.exists()
+    assert not ifc.exists()
+
+
+def test_a_scan_without_a_wall_is_refused_in_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "few.xyz"
     np.savetxt(path, np.random.default_rng(0).random((50, 3)))
     out = tmp_path / "out.csv"
