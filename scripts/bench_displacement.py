@@ -1,6 +1,7 @@
 """Joint displacements of a simulated panelled wall: 3 distances x 4 incidence angles x 3 resolutions x 15 movements.
 
     python scripts/bench_displacement.py [--locked] [--relief ridges|plain|bricks] [--chamfer-mm 20] [--quick]
+        [--distances 5 10 30]
 
 Each movement is scanned anew and compared with a scan of the wall before; the middle column's joints are scored. Prints
 one line per set-up, then the share of the joints' length that was extracted (rounded to quarters per joint), the mean
@@ -77,6 +78,7 @@ def main() -> None:
     parser.add_argument("--locked", action="store_true")
     parser.add_argument("--relief", default="ridges", choices=("ridges", "plain", "bricks"))
     parser.add_argument("--chamfer-mm", type=float, default=20.0)
+    parser.add_argument("--distances", type=float, nargs="+", choices=DISTANCES_M, default=DISTANCES_M, help="metres, only these")
     parser.add_argument("--quick", action="store_true", help="one incidence angle and five movements")
     arguments = parser.parse_args()
     design = WallDesign(relief=arguments.relief, chamfer=arguments.chamfer_mm / 1000)
@@ -90,6 +92,8 @@ def main() -> None:
         for incidence in INCIDENCES_DEG[1:2] if arguments.quick else INCIDENCES_DEG:
             for step in STEPS_DEG:
                 number += 1
+                if distance not in arguments.distances:
+                    continue
                 base = scanned(design, uniform(design), distance, incidence, step, 1000 * number, arguments.locked)
                 rows = []
                 for k, (_, moves) in enumerate(cases.items()):

@@ -6,9 +6,10 @@ import itertools
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from .columns import vertical_joints
-from .wall import Wall, WallPoints, smooth
+from .wall import CELL_M, Wall, WallPoints, smooth
 
 Array = NDArray[np.float64]
 NARROWEST_COLUMN_M = 0.3
@@ -19,9 +20,7 @@ STRIP_M = 1.5
 def column_bounds(wall: Wall, base: WallPoints, spacing: float) -> tuple[list[tuple[float, float]], list[str]]:
     """(low, high) of each column along the wall [m], from the base epoch; and what the user should know of them."""
     points = base.points
-    smoothed = Wall(wall.origin, wall.axes, wall.low, smooth(wall.surface))
-    depth = smoothed.depth(points[:, 0], points[:, 2]) - points[:, 1]
-    joints = vertical_joints(points, np.nan_to_num(depth), spacing)
+    joints = vertical_joints(points, _surface_at(wall, points) - points[:, 1], spacing)
     ends = (float(np.quantile(points[:, 0], 0.001)), float(np.quantile(points[:, 0], 0.999)))
     warnings = []
     if not len(joints):
@@ -52,6 +51,14 @@ def inner_edges(bounds: list[tuple[float, float]]) -> Array:
         margin = min(0.06, 0.15 * (high - low))
         edges += [low + margin, high - margin]
     return np.array(edges)
+
+
+def _surface_at(wall: Wall, points: Array) -> Array:
+    """(N,) depth of the smooth surface between its cells' middles [m], so that a slope or a curve makes no steps."""
+    surface = smooth(wall.surface)
+    nearest = distance_transform_edt(np.isnan(surface), return_distances=False, return_indices=True)
+    at = (points[:, [0, 2]] - wall.low) / CELL_M - 0.5
+    return np.asarray(map_coordinates(surface[tuple(nearest)], at.T, order=1, mode="nearest"))
 
 
 def _with_pitch(joints: Array) -> Array:

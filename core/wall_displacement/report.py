@@ -84,8 +84,8 @@ def _caption(column: Column) -> str:
     verdict = "Moved" if column_moved(column) else "No significant movement"
     bow = "" if column.bow is None else f" It bends by {1000 * column.bow:+.1f} mm against the straight line between its ends."
     return (
-        f"{verdict}: the probability that the joints' displacements are chance is {chance(column.vertical_probability)} "
-        f"vertically and {chance(column.lateral_probability)} laterally.{bow}"
+        f"{verdict}: if it stood still, measurement and registration would show as much with a probability of "
+        f"{chance(column.vertical_probability)} vertically and {chance(column.lateral_probability)} laterally.{bow}"
     )
 
 

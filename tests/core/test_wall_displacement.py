@@ -252,7 +252,8 @@ def test_the_wall_in_the_model_gets_a_property_set_in_the_files_units(
     before = Path(model).read_bytes()
     wanted = ["--model", model, "--element", guid, "--out-ifc", str(ifc)]
     assert main(["displacement", *paths, "--out", str(out), *wanted, "--quiet"]) == 0
-    pset = ifcopenshell.util.element.get_psets(ifcopenshell.open(str(ifc)).by_guid(guid))["BimVerify_Displacement"]
+    file = ifcopenshell.open(str(ifc))
+    pset = ifcopenshell.util.element.get_psets(file.by_guid(guid))["BimVerify_Displacement"]
     assert pset["VerticalMean"] == pytest.approx(-20.0, abs=2.0)
     assert pset["LateralMean"] == pytest.approx(10.0, abs=1.0)
     assert pset["Significant"] is True
