@@ -78,7 +78,7 @@ def main() -> None:
     parser.add_argument("--locked", action="store_true")
     parser.add_argument("--relief", default="ridges", choices=("ridges", "plain", "bricks"))
     parser.add_argument("--chamfer-mm", type=float, default=20.0)
-    parser.add_argument("--distances", type=float, nargs="+", choices=DISTANCES_M, default=DISTANCES_M, help="metres, only these")
+    parser.add_argument("--distances", type=float, nargs="+", choices=DISTANCES_M, default=DISTANCES_M, help="only these")
     parser.add_argument("--quick", action="store_true", help="one incidence angle and five movements")
     arguments = parser.parse_args()
     design = WallDesign(relief=arguments.relief, chamfer=arguments.chamfer_mm / 1000)
