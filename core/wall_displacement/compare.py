@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from .columns import Face, FoundJoint, horizontal_joints, trace_face
 from .field import column_field, face_profile
@@ -185,6 +185,6 @@ def _chance(displacements: list[tuple[float | None, float | None]], registration
     d = np.array([v for v, _ in known])
     own = np.maximum([s for _, s in known], 1e-5)
     covariance = np.diag(own**2) + registration_sigma**2
-    return float(chi2.sf(d @ np.linalg.solve(covariance, d), len(d)))
+    return float(chdtrc(len(d), d @ np.linalg.solve(covariance, d)))
 
 
