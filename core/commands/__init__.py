@@ -17,13 +17,14 @@ from . import (
     quality,
     reconstruct,
     simulate,
+    update,
     verify,
 )
 from .table import Argument, Command, Outcome
 
 COMMANDS: tuple[Command, ...] = (
-    verify.COMMAND, change.COMMAND, quality.COMMAND, plan.COMMAND, reconstruct.COMMAND, classify.COMMAND, displacement.COMMAND,
-    coregister.COMMAND, bundle.COMMAND,
+    verify.COMMAND, change.COMMAND, quality.COMMAND, plan.COMMAND, reconstruct.COMMAND, classify.COMMAND, update.COMMAND,
+    displacement.COMMAND, coregister.COMMAND, bundle.COMMAND,
     decide.COMMAND, simulate.COMMAND, info.COMMAND, demo.COMMAND,
 )
 
