@@ -15,6 +15,7 @@ NAMES = (
     "change",
     "quality",
     "reconstruct",
+    "classify",
     "photos",
     "export",
 )

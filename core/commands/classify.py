@@ -34,15 +34,16 @@ def _classify(values: Values, progress: Progress) -> Outcome:
     suffix = Path(values["out"]).suffix.lower()
     if suffix not in (".e57", *LAS_SUFFIXES):
         raise BimVerifyError(f"--out {values['out']} must end with .e57, .las or .laz.")
-    if values["per_station"] and suffix != ".e57":
-        raise BimVerifyError("--per-station is for E57 files; in LAS files each point names its station anyway.")
+    if (values["per_station"] or values["fields"]) and suffix != ".e57":
+        raise BimVerifyError("--per-station and --fields are for E57 files; in LAS files each point names its station.")
     check_outputs([values["model"], *values["scan"]], [values[key] for key in ("out", "json") if values[key]])
     result = classify(values["model"], values["scan"], options, progress.part(0.0, 0.6))
     lines = [result.summary(), *_notes(result.moved, result.absent), f"Classified cloud: {values['out']}"]
 
     def write() -> None:
         write_classified(
-            values["out"], result, options.memory_gb, progress.part(0.6, 1.0), per_station=values["per_station"]
+            values["out"], result, options.memory_gb, progress.part(0.6, 1.0), per_station=values["per_station"],
+            fields=values["fields"],
         )
 
     return Outcome(lines, classification_to_json(result), result, write)
@@ -63,6 +64,9 @@ COMMAND = Command(
         Argument("--out", "E57 file to write, one scan an element; .las or .laz: with classification codes", required=True),
         Argument("--as-built", "verify first, and look for moved elements where they stand", flag=True),
         Argument("--per-station", "E57: one scan for each element and station, with that station's pose", flag=True),
+        Argument(
+            "--fields", "E57: also the columns bv:station and bv:deviation, which some readers refuse", flag=True
+        ),
         Argument("--loa", "level of accuracy of the planned surfaces", int, DEFAULT.loa, (10, 20, 30, 40, 50)),
         Argument(
             "--sigma-mm", "standard deviation of one return along its ray, millimetres", float, 1000 * DEFAULT.sigma

@@ -40,6 +40,8 @@ class ScanRows:
     guid = ""
     """Empty: made from the content."""
     description = ""
+    groups: Sequence[tuple[int, int, int]] = ()
+    """Consecutive points of one station: (row of the file's ``bv:stations``, first point, number of points)."""
 
     def __init__(self, station: Station) -> None:
         self.station = station
@@ -200,6 +202,11 @@ def _write_scan(image: Any, scans: Any, number: int, spool: ScanRows, scaled_int
     scan.set("name", _string(image, station.name))
     if spool.description:
         scan.set("description", _string(image, spool.description))
+    if spool.groups:
+        kept = libe57.VectorNode(image, True)
+        scan.set("bv:groups", kept)
+        for number, first, count in spool.groups:
+            kept.append(_structure(image, {"station": number, "first": first, "count": count}))
     if station.sensor:
         scan.set("sensorModel", _string(image, station.sensor))
     if station.acquired:

@@ -72,6 +72,12 @@ def world(product: Any, unit: str = "mm") -> np.ndarray:
     return matrix
 
 
+def complaints(path: Path) -> list[str]:
+    logger = ifcopenshell.validate.json_logger()
+    ifcopenshell.validate.validate(str(path), logger)
+    return sorted(f"{s['level']} {s['message']}" for s in logger.statements)
+
+
 def kinds(result: Any) -> dict[str, str]:
     return {u.name: u.kind for u in result.updates}
 
@@ -185,9 +191,7 @@ def test_an_updated_model_is_confirmed_by_the_same_scan(tmp_path: Path, schema: 
     for name in ("partition", "column"):
         assert second[name].status == "CONFIRMED", second[name].reason
         assert (second[name].displacement or 0.0) < 0.002
-    logger = ifcopenshell.validate.json_logger()
-    ifcopenshell.validate.validate(str(out), logger)
-    assert logger.statements == []
+    assert complaints(out) == complaints(plan)
     back = tmp_path / "back.ifc"
     assert main(["update", str(out), "--out", str(back), "--undo"]) == 0
     reopened = ifcopenshell.open(str(back))
