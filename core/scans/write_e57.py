@@ -62,7 +62,7 @@ class ScanRows:
         for name in self.dtype.names or () if self.dtype is not None and len(rows) else ():
             self.low[name] = min(self.low.get(name, math.inf), float(rows[name].min()))
             self.high[name] = max(self.high.get(name, -math.inf), float(rows[name].max()))
-        self.digest.update(memoryview(np.ascontiguousarray(rows).view(np.uint8)))
+        self.digest.update(rows.tobytes())
         self.count += len(rows)
 
 

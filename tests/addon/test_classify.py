@@ -13,8 +13,12 @@ import numpy as np
 import pye57
 import pytest
 
+from bim_verify.bim_verify_addon import scene
+from bim_verify.bim_verify_addon.headless import save_blend
 from bim_verify.bim_verify_addon.session import SESSION
+from bim_verify.core import jobs
 from bim_verify.core.model.elements import BuildingModel
+from bim_verify.core.options import ClassifyOptions
 
 ops = bpy.ops.bim_verify
 
@@ -45,6 +49,13 @@ def test_the_cloud_is_written(blender: bpy.types.Scene, house: Path, floor_scan:
     ops.import_scan(filepath=str(tmp_path / "out.laz"))
     with pytest.raises(RuntimeError, match="never written"):
         ops.classify(filepath=str(tmp_path / "out.laz"))
+
+
+def test_a_blend_file_shows_the_model(house_model: BuildingModel, floor_scan: Path, tmp_path: Path) -> None:
+    found = jobs.classify(house_model, [floor_scan], ClassifyOptions(origin=(2.0, 1.5, 1.5)))
+    save_blend(found, tmp_path / "found.blend")
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "found.blend"))
+    assert len(scene.element_objects(bpy.context.scene)) == len(house_model.elements)
 
 
 def test_the_updated_model_is_written(
