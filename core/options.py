@@ -73,3 +73,17 @@ class ReconstructOptions(InputOptions):
 
     sigma: float = 0.0025
     """Standard deviation of one return along its ray, metres."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClassifyOptions(InputOptions):
+    """Options of ``jobs.classify``. Lengths in metres."""
+
+    loa: int = 30
+    """Level of accuracy of the planned surfaces, 10 to 50."""
+    sigma: float = 0.0025
+    """Standard deviation of one return along its ray, metres."""
+    registration_sigma: float | None = None
+    """Standard deviation of a station's position, metres; None: what the verification finds, or a usual one without."""
+    as_built: bool = False
+    """Verify first, and look for elements that have moved where they were found, and not for absent ones."""

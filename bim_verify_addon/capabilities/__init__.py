@@ -16,6 +16,7 @@ NAMES = (
     "quality",
     "reconstruct",
     "displacement",
+    "classify",
     "photos",
     "export",
 )

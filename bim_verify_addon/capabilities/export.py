@@ -24,6 +24,7 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row.scale_y = 1.4
     row.operator("bim_verify.export_ifc", icon="EXPORT")
     column = layout.column(align=True)
+    column.operator("bim_verify.update_model", icon="MOD_ARRAY")
     column.operator("bim_verify.export_bcf", icon="BOOKMARKS")
     column.operator("bim_verify.report", icon="TEXT")
     column.operator("bim_verify.export_table", icon="SPREADSHEET")

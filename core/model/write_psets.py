@@ -53,8 +53,13 @@ def write_ifc_copy(source_ifc: str | Path, out: str | Path, add: Callable[[Any],
         file = open_ifc(source)
         if not add(file):
             raise BimVerifyError(f"{source} holds none of the verified elements. Give the model that was verified.")
-        if not _write_whole(file, temporary):
-            raise BimVerifyError(f"Cannot write {target}: the disk is full. Free some space or choose another place.")
+        write_open_file(file, temporary, target)
+
+
+def write_open_file(file: Any, temporary: Path, target: str | Path) -> None:
+    """Write an open IFC file to a temporary place; raises BimVerifyError, naming ``target``, when it does not fit."""
+    if not _write_whole(file, temporary):
+        raise BimVerifyError(f"Cannot write {target}: the disk is full. Free some space or choose another place.")
 
 
 def apply_psets(ifc_file: Any, result: VerificationResult, *, progress: Progress | None = None) -> int:

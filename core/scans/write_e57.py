@@ -23,7 +23,8 @@ from .e57_header import iso_to_gps
 
 _IN_MEMORY = 64 * 2**20
 """Bytes of one station kept in memory; more waits in a temporary file until the station is whole."""
-_ROWS = 262_144
+ROWS = 262_144
+"""Points handed to the library at a time."""
 _NAMESPACE = uuid.UUID("5b0f2c0e-6b0b-5c3c-9a8a-0f4e57b1d0c5")
 _COLORS = ("colorRed", "colorGreen", "colorBlue")
 _AXES = ("cartesianX", "cartesianY", "cartesianZ")
@@ -33,17 +34,44 @@ _BUFFER_TYPES = {
 """The library takes a C long for 32 bits, so indices go through long long."""
 
 
-class _Spool:
-    """The returns of one station in the sensor frame, in the order in which they came."""
+class ScanRows:
+    """The points of one scan of the file, and what is said of it."""
 
-    def __init__(self, station: Station, file: IO[bytes]) -> None:
+    guid = ""
+    """Empty: made from the content."""
+    description = ""
+    groups: Sequence[tuple[int, int, int]] = ()
+    """Consecutive points of one station: (row of the file's ``bv:stations``, first point, number of points)."""
+
+    def __init__(self, station: Station) -> None:
         self.station = station
-        self.file = file
+        """Name, and pose unless it is not ``known``."""
         self.dtype: np.dtype | None = None
+        """A column for each field of the file, those of an extension as ``prefix:field``."""
         self.count = 0
         self.low: dict[str, float] = {}
         self.high: dict[str, float] = {}
         self.digest = hashlib.blake2b(digest_size=16)
+
+    def read(self) -> Iterator[NDArray]:
+        """Consecutive rows, at most ``ROWS`` at a time, that have at least the columns of ``dtype``."""
+        raise NotImplementedError
+
+    def measure(self, rows: NDArray) -> None:
+        """Count rows, and take their bounds and their content into account."""
+        for name in self.dtype.names or () if self.dtype is not None and len(rows) else ():
+            self.low[name] = min(self.low.get(name, math.inf), float(rows[name].min()))
+            self.high[name] = max(self.high.get(name, -math.inf), float(rows[name].max()))
+        self.digest.update(rows.tobytes())
+        self.count += len(rows)
+
+
+class _Spool(ScanRows):
+    """The returns of one station in the sensor frame, in the order in which they came."""
+
+    def __init__(self, station: Station, file: IO[bytes]) -> None:
+        super().__init__(station)
+        self.file = file
 
     def add(self, block: ReturnBlock) -> None:
         xyz = block.offsets @ self.station.rotation
@@ -65,18 +93,13 @@ class _Spool:
         rows = np.empty(len(xyz), dtype)
         for name, values in columns.items():
             rows[name] = values
-            if len(xyz):
-                self.low[name] = min(self.low.get(name, math.inf), float(values.min()))
-                self.high[name] = max(self.high.get(name, -math.inf), float(values.max()))
-        data = rows.tobytes()
-        self.digest.update(data)
-        self.file.write(data)
-        self.count += len(xyz)
+        self.measure(rows)
+        self.file.write(rows.tobytes())
 
     def read(self) -> Iterator[NDArray]:
         self.file.seek(0)
         if self.dtype is not None:
-            while data := self.file.read(_ROWS * self.dtype.itemsize):
+            while data := self.file.read(ROWS * self.dtype.itemsize):
                 yield np.frombuffer(data, self.dtype)
 
 
@@ -95,28 +118,44 @@ def write_e57(
     ``known`` is written without a pose and its points in the scan frame. GUIDs follow from the content: the same
     returns give the same file. Raises BimVerifyError when the place cannot be written.
     """
-    if scaled_integer_m is not None and not 1e-9 <= scaled_integer_m <= 1.0:
-        raise ValueError("scaled_integer_m must be between 1e-9 and 1 metre")
-    with contextlib.ExitStack() as files, whole_file(path) as temporary:
+    with contextlib.ExitStack() as files:
         spools = [
             _Spool(station, files.enter_context(tempfile.SpooledTemporaryFile(max_size=_IN_MEMORY)))
             for station in stations
         ]
         for block in blocks:
             spools[block.station].add(block)
+        write_scans(path, spools, scaled_integer_m=scaled_integer_m)
+
+
+def write_scans(
+    path: str | Path, scans: Sequence[ScanRows], *, scaled_integer_m: float | None = None, stations: Sequence[Station] = ()
+) -> None:
+    """Write one E57 scan for each of ``scans``; ``scaled_integer_m`` as in ``write_e57``.
+
+    stations : set-ups that are not scans of the file, kept in ``bv:stations`` (name, translation, rotation) at its root.
+
+    Raises BimVerifyError when the place cannot be written.
+    """
+    if scaled_integer_m is not None and not 1e-9 <= scaled_integer_m <= 1.0:
+        raise ValueError("scaled_integer_m must be between 1e-9 and 1 metre")
+    with whole_file(path) as temporary:
         try:
-            _write(temporary, spools, scaled_integer_m)
+            _write(temporary, scans, scaled_integer_m, stations)
         except libe57.E57Exception as error:
             why = str(error).splitlines()[0]
             raise BimVerifyError(f"Cannot write {path}: {why}. Choose another place or free some space.") from error
 
 
-def _write(path: Path, spools: Sequence[_Spool], scaled_integer_m: float | None) -> None:
+def _write(
+    path: Path, spools: Sequence[ScanRows], scaled_integer_m: float | None, stations: Sequence[Station]
+) -> None:
     image = libe57.ImageFile(str(path), "w")
     try:
         root = image.root()
         image.extensionsAdd("", libe57.E57_V1_0_URI)
-        for prefix in sorted({n.partition(":")[0] for s in spools if s.dtype for n in s.dtype.names or () if ":" in n}):
+        used = {n.partition(":")[0] for s in spools if s.dtype for n in s.dtype.names or () if ":" in n}
+        for prefix in sorted(used | ({"bv"} if stations else set())):
             image.extensionsAdd(prefix, extension_uri(prefix))
         whole = hashlib.blake2b(digest_size=16)
         for spool in spools:
@@ -131,6 +170,8 @@ def _write(path: Path, spools: Sequence[_Spool], scaled_integer_m: float | None)
         root.set("images2D", libe57.VectorNode(image, True))
         for number, spool in enumerate(spools):
             _write_scan(image, scans, number, spool, scaled_integer_m)
+        if stations:
+            _write_stations(image, root, stations)
     finally:
         image.close()
 
@@ -152,12 +193,20 @@ def _structure(image: Any, values: dict[str, float | int]) -> Any:
     return node
 
 
-def _write_scan(image: Any, scans: Any, number: int, spool: _Spool, scaled_integer_m: float | None) -> None:
+def _write_scan(image: Any, scans: Any, number: int, spool: ScanRows, scaled_integer_m: float | None) -> None:
     station, names = spool.station, (spool.dtype.names or ()) if spool.dtype is not None else _AXES
     scan = libe57.StructureNode(image)
     scans.append(scan)
-    scan.set("guid", _guid(image, f"{number} {station.name} {station.position} {station.rotation}", spool.digest))
+    what = f"{number} {station.name} {station.position} {station.rotation}"
+    scan.set("guid", _string(image, spool.guid) if spool.guid else _guid(image, what, spool.digest))
     scan.set("name", _string(image, station.name))
+    if spool.description:
+        scan.set("description", _string(image, spool.description))
+    if spool.groups:
+        kept = libe57.VectorNode(image, True)
+        scan.set("bv:groups", kept)
+        for number, first, count in spool.groups:
+            kept.append(_structure(image, {"station": number, "first": first, "count": count}))
     if station.sensor:
         scan.set("sensorModel", _string(image, station.sensor))
     if station.acquired:
@@ -165,9 +214,7 @@ def _write_scan(image: Any, scans: Any, number: int, spool: _Spool, scaled_integ
         scan.set("acquisitionStart", moment)
     if station.known:
         pose = libe57.StructureNode(image)
-        quaternion = matrix_to_quaternion(station.rotation)
-        pose.set("rotation", _structure(image, dict(zip("wxyz", quaternion, strict=True))))
-        pose.set("translation", _structure(image, {axis: float(station.position[k]) for k, axis in enumerate("xyz")}))
+        _set_pose(image, pose, station)
         scan.set("pose", pose)
     low, high = spool.low, spool.high
     if low:
@@ -190,7 +237,23 @@ def _write_scan(image: Any, scans: Any, number: int, spool: _Spool, scaled_integ
     _write_points(image, scan, spool, names, scaled_integer_m)
 
 
-def _prototype(image: Any, spool: _Spool, names: Sequence[str], scaled_integer_m: float | None) -> Any:
+def _set_pose(image: Any, node: Any, station: Station) -> None:
+    quaternion = matrix_to_quaternion(station.rotation)
+    node.set("rotation", _structure(image, dict(zip("wxyz", quaternion, strict=True))))
+    node.set("translation", _structure(image, {axis: float(station.position[k]) for k, axis in enumerate("xyz")}))
+
+
+def _write_stations(image: Any, root: Any, stations: Sequence[Station]) -> None:
+    kept = libe57.VectorNode(image, True)
+    root.set("bv:stations", kept)
+    for station in stations:
+        node = libe57.StructureNode(image)
+        kept.append(node)
+        node.set("name", _string(image, station.name))
+        _set_pose(image, node, station)
+
+
+def _prototype(image: Any, spool: ScanRows, names: Sequence[str], scaled_integer_m: float | None) -> Any:
     prototype = libe57.StructureNode(image)
     for name in names:
         low, high = spool.low.get(name, 0.0), spool.high.get(name, 0.0)
@@ -210,11 +273,11 @@ def _prototype(image: Any, spool: _Spool, names: Sequence[str], scaled_integer_m
     return prototype
 
 
-def _write_points(image: Any, scan: Any, spool: _Spool, names: Sequence[str], scaled_integer_m: float | None) -> None:
+def _write_points(image: Any, scan: Any, spool: ScanRows, names: Sequence[str], scaled_integer_m: float | None) -> None:
     prototype = _prototype(image, spool, names, scaled_integer_m)
     points = libe57.CompressedVectorNode(image, prototype, libe57.VectorNode(image, True))
     scan.set("points", points)
-    size = min(_ROWS, max(spool.count, 1))
+    size = min(ROWS, max(spool.count, 1))
     buffers = libe57.VectorSourceDestBuffer()
     arrays = {}
     for name in names:
@@ -228,7 +291,7 @@ def _write_points(image: Any, scan: Any, spool: _Spool, names: Sequence[str], sc
     writer.close()
 
 
-def _buffer_type(name: str, spool: _Spool) -> Any:
+def _buffer_type(name: str, spool: ScanRows) -> Any:
     if ":" in name and spool.dtype is not None:
         return np.float32 if spool.dtype[name].kind == "f" else np.longlong
     return _BUFFER_TYPES.get(name, np.float64)

@@ -1,0 +1,85 @@
+"""Every return of the scans to its element, written as a cloud."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+from bpy.props import BoolProperty, StringProperty
+
+from ...core.errors import BimVerifyError
+from ...core.options import ClassifyOptions
+from ...core.progress import Progress
+from .. import project
+from ..jobs import Job, Work
+from .file_browser import has_model, has_scans, idle, propose, restart_when_closed
+
+SUFFIXES = (".e57", ".las", ".laz")
+
+
+class BIMVERIFY_OT_classify(Job["tuple[str, str]"], bpy.types.Operator):
+    """Assign every return to the element that it met and write the cloud: E57 element by element, LAS/LAZ with codes."""
+
+    bl_idname = "bim_verify.classify"
+    bl_label = "Classify Scans"
+    bl_description = "Assign every return to the element that it met and write the cloud, element by element"
+    bl_options = {"REGISTER"}
+    title = "Classify"
+
+    filepath: StringProperty(name="File", subtype="FILE_PATH", description="The E57, LAS or LAZ file to write")
+    filter_glob: StringProperty(default="*.e57;*.las;*.laz", options={"HIDDEN"})
+    check_existing: BoolProperty(default=True, options={"HIDDEN"})
+    as_built: BoolProperty(
+        name="As built", default=False,
+        description="Verify first, and look for moved elements where they stand and not for absent ones",
+    )
+    per_station: BoolProperty(
+        name="A scan per station", default=False,
+        description="E57: one scan for each element and station, with that station's pose",
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return has_model(cls, context) and has_scans(cls, context) and idle(cls)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        def name() -> Path:
+            first = Path(project.scan_paths(context.scene.bim_verify)[0])
+            return first.with_name(f"{first.stem}_classified.e57")
+
+        return propose(self, context, event, name, lambda c, e: Job.invoke(self, c, e))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return {"CANCELLED"} if restart_when_closed(self) else Job.execute(self, context)
+
+    def prepare(self, context: bpy.types.Context) -> Work[tuple[str, str]]:
+        from ...core import jobs
+        from ...core.classification.write import write_classified
+
+        settings = context.scene.bim_verify
+        if not self.filepath:
+            raise BimVerifyError("No file name was given. Choose where to write the cloud.")
+        path, paths = Path(bpy.path.abspath(self.filepath)), project.scan_paths(settings)
+        if path.suffix.lower() not in SUFFIXES:
+            path = path.with_name(path.name + SUFFIXES[0])
+        model_path = project.model_path(settings)
+        if path.resolve() in {Path(p).resolve() for p in (*paths, model_path) if p}:
+            raise BimVerifyError(f"{path} is an input, which is never written to. Give another name.")
+        common = project.options(settings)
+        options = ClassifyOptions(
+            loa=common.loa, sigma=common.sigma, as_built=self.as_built, scan_frame=common.scan_frame, origin=common.origin,
+            threads=common.threads, memory_gb=common.memory_gb,
+        )
+        load, per_station = project.model_loader(context.scene), self.per_station and path.suffix.lower() == SUFFIXES[0]
+
+        def work(progress: Progress) -> tuple[str, str]:
+            found = jobs.classify(load(progress.part(0.0, 0.1)), paths, options, progress.part(0.1, 0.6))
+            write_classified(path, found, options.memory_gb, progress.part(0.6, 1.0), per_station=per_station)
+            return found.summary(), str(path)
+
+        return work
+
+    def finish(self, context: bpy.types.Context, value: tuple[str, str]) -> str:
+        summary, path = value
+        context.scene.bim_verify_classify.summary = summary
+        return f"{summary} Written: {path}"

@@ -1,0 +1,63 @@
+"""The model with displaced elements at their as-built place, as a file."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import bpy
+from bpy.props import BoolProperty, StringProperty
+
+from ...core.progress import Progress
+from .. import bonsai
+from .result_file import ResultFile, Write
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from ...core.results import VerificationResult
+
+
+class BIMVERIFY_OT_update_model(ResultFile, bpy.types.Operator):
+    """Write a copy of the IFC file in which displaced elements stand where they were found; nothing else is changed.
+
+    Decisions count before verdicts. Openings, fillings and parts follow. The copy can be put back (bim-verify update --undo).
+    """
+
+    bl_idname = "bim_verify.update_model"
+    bl_label = "Export As-built IFC"
+    bl_description = "Write a copy of the IFC file in which displaced elements stand where they were found"
+    bl_options = {"REGISTER"}
+    title = "Export as-built IFC"
+    ending, suffixes = "_updated.ifc", (".ifc",)
+
+    filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file to write")
+    filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
+    check_existing: BoolProperty(default=True, options={"HIDDEN"})
+
+    def writer(self, context: bpy.types.Context) -> Write:
+        from ...core.model.decisions import apply_decisions
+        from ...core.model.write_psets import apply_psets, write_ifc_copy
+        from ...core.update.update import update_file, update_lines
+
+        folder = tempfile.TemporaryDirectory(prefix="bim_verify_")
+        copy: Path | None = None
+        if (live := bonsai.live_file()) is not None:
+            copy = Path(folder.name) / "live.ifc"
+            live.write(str(copy))  # here: nothing of Bonsai is used in another thread
+
+        def write(result: VerificationResult, path: Path, progress: Progress) -> str:
+            said: list[str] = []
+
+            def change(file: Any) -> bool:
+                apply_psets(file, result, progress=progress)
+                apply_decisions(file, result.decisions)
+                said.extend(update_lines(update_file(file)))
+                return True
+
+            with folder:
+                write_ifc_copy(copy or result.model.path, path, change)
+            return f"{path}. {said[0]}"
+
+        return write

@@ -1,0 +1,1 @@
+"""Every return to its element, and clouds that say so."""

@@ -1,0 +1,229 @@
+"""Elements that were verified and found displaced go to their as-built place; what was before is kept for the way back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BimVerifyError
+from ..model.decisions import read_decisions
+from ..model.property_sets import ElementProperties, put_property_sets
+from ..model.write_psets import PSET_NAME as VERIFICATION
+from ..model.write_psets import own_set
+from .placements import Changed, location_of, move, put_back
+
+PSET_NAME = "BimVerify_Update"
+OWN, FOLLOWS, KEPT = "MOVED", "FOLLOWS", "KEPT"
+"""Moved by its own displacement; with its host, whole or filling; its place kept though what it hangs on moved."""
+SAME_SHIFT = 1e-9
+"""Relative: a displacement that was applied already."""
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Update:
+    """What happened to one product. Metres, model frame."""
+
+    global_id: str
+    ifc_class: str
+    name: str
+    kind: str
+    shift: tuple[float, float, float]
+    """In this update."""
+
+
+@dataclass(frozen=True)
+class UpdateResult:
+    """All that was moved, or put back; and sentences on what could not be."""
+
+    updates: tuple[Update, ...]
+    notes: tuple[str, ...] = ()
+
+    def count(self, kind: str) -> int:
+        """Products of one kind."""
+        return sum(u.kind == kind for u in self.updates)
+
+
+def update_file(file: Any) -> UpdateResult:
+    """Move the elements of an open ``ifcopenshell.file`` that are DEVIATING with a significant displacement.
+
+    A person's decision goes before the verdict. Openings, fillings and parts follow what they belong to, unless they were
+    found displaced themselves; an opening goes with its only filling where that was. Each product whose local placement
+    changed gets ``BimVerify_Update``. A displacement that was applied before is not applied again.
+    """
+    import ifcopenshell.util.unit
+
+    unit = float(ifcopenshell.util.unit.calculate_unit_scale(file))
+    records = {p.id(): found for p, found in _with_set(file, PSET_NAME)}
+    own, notes, verified = _displaced(file, records)
+    if not verified:
+        raise BimVerifyError(
+            f"The model carries no property set {VERIFICATION}: write it first (bim-verify verify ... --out VERIFIED.ifc)."
+        )
+    shifts, follows = dict(own), dict[int, str]()
+    for row, source in list(own.items()):
+        _carry(file.by_id(row), source, own, shifts, follows)
+    for row, shift in own.items():
+        for opening in _openings_of_filling(file.by_id(row)):
+            shifts[opening.id()], follows[opening.id()] = shift, file.by_id(row).GlobalId
+    changed = move(file, shifts)
+    done = {c.product.id() for c in changed}
+    carried = [Changed(p, location_of(p.ObjectPlacement)) for row in own if row not in done and (p := file.by_id(row))]
+    entries = [_entry(c, shifts, own, follows, records, unit) for c in (*changed, *carried)]
+    put_property_sets(file, PSET_NAME, entries)
+    updates = [_update(file.by_id(row), OWN if row in own else FOLLOWS, shift * unit) for row, shift in shifts.items()]
+    updates += [_update(c.product, KEPT, np.zeros(3)) for c in changed if c.product.id() not in shifts]
+    return UpdateResult(tuple(updates), tuple(notes))
+
+
+def undo_file(file: Any) -> UpdateResult:
+    """Put everything that carries ``BimVerify_Update`` back to where it was, and remove that set."""
+    import ifcopenshell.api.pset
+    import ifcopenshell.util.unit
+
+    unit = float(ifcopenshell.util.unit.calculate_unit_scale(file))
+    updates = []
+    for product, values in list(_with_set(file, PSET_NAME)):
+        before = _vector(values, "Previous")
+        if before is None:
+            continue
+        moved = _vector(values, "Moved")
+        put_back(file, product, before)
+        pset = own_set(file, product, PSET_NAME)
+        if pset is not None:
+            ifcopenshell.api.pset.remove_pset(file, product=product, pset=pset)
+        updates.append(_update(product, str(values.get("Kind", OWN)), -(np.zeros(3) if moved is None else moved) * unit))
+    if not updates:
+        raise BimVerifyError(f"The model carries no property set {PSET_NAME}, so there is nothing to undo.")
+    return UpdateResult(tuple(updates))
+
+
+def update_lines(result: UpdateResult, undo: bool = False) -> list[str]:
+    """The result in a few lines for a person."""
+    if undo:
+        return [f"{len(result.updates)} elements put back."]
+    first = (
+        f"{result.count(OWN)} displaced elements moved to where they stand, {result.count(FOLLOWS)} openings, fillings and "
+        f"parts followed, {result.count(KEPT)} kept their place."
+    )
+    return [first, *(f"Note: {note}" for note in result.notes[:5])]
+
+
+def _displaced(
+    file: Any, records: dict[int, dict[str, Any]]
+) -> tuple[dict[int, Vector], list[str], bool]:
+    """STEP id -> displacement (file units) of what is to be moved; notes; whether anything was verified."""
+    decided = read_decisions(file)
+    found: dict[int, Vector] = {}
+    notes: list[str] = []
+    verified = False
+    for product, values in _with_set(file, VERIFICATION):
+        verified = True
+        decision = decided.get(product.GlobalId)
+        status = values.get("Status") if decision is None else decision.status
+        shift = _vector(values, "Displacement", missing=0.0)
+        if status != "DEVIATING" or values.get("Significant") is not True or shift is None or not shift.any():
+            continue
+        applied = _vector(records.get(product.id(), {}), "Applied")
+        if applied is not None and np.allclose(applied, shift, rtol=SAME_SHIFT, atol=0.0):
+            notes.append(f"{product.GlobalId} was moved by this displacement before; verify the model again.")
+            continue
+        placement = product.ObjectPlacement
+        if placement is not None and not placement.is_a("IfcLocalPlacement"):
+            notes.append(f"{product.GlobalId} is placed by {placement.is_a()} and was not moved.")
+            continue
+        found[product.id()] = shift
+    return found, notes, verified
+
+
+def _carry(
+    host: Any, shift: Vector, own: dict[int, Vector], shifts: dict[int, Vector], follows: dict[int, str]
+) -> None:
+    """Openings, what fills them, and parts get the shift of ``host``, unless they have one of their own."""
+    for dependent in _dependents(host):
+        if dependent.id() in own or dependent.id() in follows:
+            continue
+        shifts[dependent.id()], follows[dependent.id()] = shift, host.GlobalId
+        _carry(dependent, shift, own, shifts, follows)
+
+
+def _dependents(product: Any) -> Iterable[Any]:
+    for relation in getattr(product, "HasOpenings", None) or ():
+        yield relation.RelatedOpeningElement
+    for relation in getattr(product, "HasFillings", None) or ():
+        yield relation.RelatedBuildingElement
+    for relation in (*(getattr(product, "IsDecomposedBy", None) or ()), *(getattr(product, "IsNestedBy", None) or ())):
+        yield from (part for part in relation.RelatedObjects if part.is_a("IfcProduct"))
+
+
+def _openings_of_filling(product: Any) -> Iterable[Any]:
+    for relation in getattr(product, "FillsVoids", None) or ():
+        opening = relation.RelatingOpeningElement
+        if opening is not None and len(opening.HasFillings or ()) == 1:
+            yield opening
+
+
+def _entry(
+    change: Changed, shifts: dict[int, Vector], own: dict[int, Vector], follows: dict[int, str],
+    records: dict[int, dict[str, Any]], unit: float,
+) -> ElementProperties:
+    product = change.product
+    row = product.id()
+    earlier = records.get(row, {})
+    before = _vector(earlier, "Previous")
+    before = np.array(change.before) if before is None else before
+    moved = shifts.get(row, np.zeros(3)) + (0.0 if (past := _vector(earlier, "Moved")) is None else past)
+    kind = OWN if row in own else FOLLOWS if row in follows else KEPT
+    source = _verification_of(product)
+    length = "IfcLengthMeasure"
+    values: dict[str, tuple[str, Any]] = {"Kind": ("IfcLabel", kind), "Follows": ("IfcLabel", follows.get(row))}
+    applied = own.get(row)
+    for k, axis in enumerate("XYZ"):
+        values[f"Previous{axis}"] = (length, float(before[k]) * unit)
+        values[f"Moved{axis}"] = (length, float(moved[k]) * unit)
+        values[f"Applied{axis}"] = (length, None if applied is None else float(applied[k]) * unit)
+    for name in ("ScanSource", "ScanDate", "Method"):
+        values[name] = ("IfcLabel", source.get(name))
+    return ElementProperties(product.GlobalId, row, values)
+
+
+def _verification_of(product: Any) -> dict[str, Any]:
+    import ifcopenshell.util.element
+
+    return dict(ifcopenshell.util.element.get_psets(product).get(VERIFICATION, {}))
+
+
+def _with_set(file: Any, name: str) -> Iterable[tuple[Any, dict[str, Any]]]:
+    """Products with a property set of that name, and its plain values."""
+    seen: set[int] = set()
+    for relation in file.by_type("IfcRelDefinesByProperties"):
+        pset = relation.RelatingPropertyDefinition
+        if not pset.is_entity() or not pset.is_a("IfcPropertySet") or pset.Name != name:
+            continue
+        values = {
+            p.Name: p.NominalValue.wrappedValue
+            for p in pset.HasProperties or ()
+            if p.is_a("IfcPropertySingleValue") and p.NominalValue is not None
+        }
+        for product in relation.RelatedObjects:
+            if product.is_a("IfcProduct") and product.id() not in seen:
+                seen.add(product.id())
+                yield product, values
+
+
+def _vector(values: dict[str, Any], name: str, missing: float | None = None) -> Vector | None:
+    """``nameX``, ``nameY``, ``nameZ`` as (3,); None where one is no number, or (without ``missing``) not there."""
+    parts = [values.get(f"{name}{axis}", missing) for axis in "XYZ"]
+    if any(not isinstance(part, float | int) or not np.isfinite(part) for part in parts):
+        return None
+    return np.array(parts, dtype=np.float64)
+
+
+def _update(product: Any, kind: str, shift: Vector) -> Update:
+    x, y, z = (float(v) for v in shift)
+    return Update(product.GlobalId, product.is_a(), product.Name or "", kind, (x, y, z))
