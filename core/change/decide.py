@@ -71,6 +71,8 @@ def _against_epoch(
     change = np.array(now.shift or (0.0, 0.0, 0.0)) - np.array(before.shift or (0.0, 0.0, 0.0))
     if np.linalg.norm(change) <= tolerance:
         return Decision("CONFIRMED", then)
+    if now.seen == "STANDS" and overlap(model, row, change) <= ABSENT_OVERLAP:  # its place was empty, and no longer is
+        return Decision("NEW", f"{then} Its planned place was free in the reference.")
     return _moved(model, row, change, then)
 
 

@@ -28,6 +28,7 @@ from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..sensing.loa import level_sigma, worst_voxel_shift
+from .parts import Parts
 from .twins import find_twins
 
 Seen = Literal["STANDS", "GONE", "MOVED", "PART", "UNSEEN"]
@@ -78,9 +79,12 @@ class EpochSight:
 
 def look_at_elements(
     model: BuildingModel, samples: SurfaceSamples, scene: RayScene, stations: StationIndexes, *, sigma: float,
-    edge: float, registration_sigma: float | None, progress: Progress,
+    edge: float, registration_sigma: float | None, progress: Progress, parts: Parts = frozenset(),
 ) -> EpochSight:
-    """Decide for each element what this epoch shows. Raises BimVerifyError when no return comes near the model."""
+    """Decide for each element what this epoch shows. Raises BimVerifyError when no return comes near the model.
+
+    ``parts`` names elements that are parts of others.
+    """
     thresholds = Thresholds()
     surfaces = ElementSurfaces(model)
     window = max(worst_voxel_shift(edge), thresholds.window_floor) + 3 * sigma
@@ -108,7 +112,7 @@ def look_at_elements(
         found.samples.element, weights=found.samples.area * found.samples.exposed, minlength=len(model.elements)
     )
     tolerance = change_tolerance(edge, sigma, registration_sigma)
-    twins = find_twins(model, samples, surfaces)
+    twins = find_twins(model, samples, surfaces, parts)
     sights = [
         _sight(model, row, plan, best, float(exposed[row]), tolerance, context)
         for row, (plan, best) in enumerate(zip(found.plans, found.best, strict=True))
