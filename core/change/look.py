@@ -28,6 +28,7 @@ from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..sensing.loa import level_sigma, worst_voxel_shift
+from .overlap import ABSENT_OVERLAP, overlap
 from .parts import Parts
 from .twins import find_twins
 
@@ -137,7 +138,7 @@ def _sight(
         return ElementSight(seen, place.at, plan.beyond, exposed, vector if where else None, reason)
 
     if best is not plan:
-        if length <= tolerance:
+        if length <= tolerance and overlap(model, row, best.fit.vector) > ABSENT_OVERLAP:
             near = f"It stands {1000 * length:.0f} mm from its planned place, which voxels do not tell apart."
             return sight("STANDS", near, best)
         return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.", best)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import dataclasses
+import io
 from datetime import date
 from functools import cache
 from pathlib import Path
@@ -10,9 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from bim_verify.core.change.decide import element_state, overlap
+from bim_verify.core.change.decide import element_state
 from bim_verify.core.change.look import ElementSight
+from bim_verify.core.change.overlap import overlap
 from bim_verify.core.change.planned import Planned, parse_date
 from bim_verify.core.change.progress import expected_state, judge
 from bim_verify.core.change.results import ChangeResult, ElementChange
@@ -27,6 +31,7 @@ from bim_verify.core.occupancy.grid import VoxelGrid
 from bim_verify.core.options import ChangeOptions
 from bim_verify.core.report.change_files import change_to_json, changes_csv, remaining_mesh, write_voxels
 from bim_verify.core.report.change_page import render_change_page
+from bim_verify.core.report.change_views import voxel_views
 from bim_verify.core.sensing.loa import supported_level
 from bim_verify.core.simulation.scene import Prop
 
@@ -315,11 +320,24 @@ def test_outputs_hold_what_was_found(tmp_path: Path) -> None:
     assert "<script" not in page and "partition" in page
 
 
+def test_the_report_shows_progress_without_a_plan_and_pictures_of_all_sides() -> None:
+    result = against_reference()
+    page = render_change_page(result)
+    assert "states no plan" in page and "Not observed" in page and ">Planned<" not in page
+    views = voxel_views(result)
+    assert len(views) == page.count("data:image/png") == 3
+    above = np.asarray(Image.open(io.BytesIO(base64.b64decode(views[0].image))))
+    assert above.shape == (views[0].height, views[0].width, 3)
+    x, y = ((np.array([6.1, 3.0]) - result.anchor[:2]) / result.edge - result.voxels.index.min(axis=0)[:2]).astype(int)
+    red, green, _ = above[views[0].height - 1 - y, x].astype(int)  # the half of the partition that is gone
+    assert red > 2 * green
+
+
 def test_names_are_escaped_in_the_report() -> None:
     result = against_model()
     bad = dataclasses.replace(result.elements[0], name="<img src=x onerror=alert(1)>")
     page = render_change_page(dataclasses.replace(result, elements=(bad, *result.elements[1:])))
-    assert "<img" not in page and "&lt;img" in page
+    assert "<img src=x" not in page and "&lt;img src=x" in page
 
 
 def test_scans_elsewhere_are_refused() -> None:
