@@ -16,6 +16,10 @@ FAINTEST = 0.15
 """Even a single voxel that did not change leaves this much colour."""
 PLAIN_CHANGE = 4
 """So many changed voxels behind each other cover what did not change; fewer, the noise of surfaces, only tint it."""
+MOST_CUT = 0.002
+"""Share of the voxels at either end of each axis that pictures may leave out: single things far away would shrink the rest."""
+MARGIN = 0.05
+"""Of the extent of the others, kept around them."""
 VIEWS = (("From above", 0, 1), ("From the south (-y)", 0, 2), ("From the east (+x)", 1, 2))
 
 
@@ -39,7 +43,11 @@ def voxel_views(result: ChangeResult) -> list[VoxelView]:
     cloud = result.voxels
     if not len(cloud.index):
         return []
-    return [VoxelView(title, *_picture(cloud.index[:, [across, up]], cloud.state)) for title, across, up in VIEWS]
+    low, high = np.quantile(cloud.index, [MOST_CUT, 1.0 - MOST_CUT], axis=0)
+    edge = MARGIN * (high - low).max()
+    near = ((cloud.index >= low - edge) & (cloud.index <= high + edge)).all(axis=1)
+    place, state = cloud.index[near], cloud.state[near]
+    return [VoxelView(title, *_picture(place[:, [across, up]], state)) for title, across, up in VIEWS]
 
 
 def _picture(place: NDArray[np.int64], state: NDArray[np.uint8]) -> tuple[str, int, int]:
