@@ -64,7 +64,7 @@ def campaigns(model: BuildingModel, seed: int, scanner: str) -> tuple[Campaign, 
 
 def expected(model: BuildingModel, row: int, edit: Edit | None, built: bool, tolerance: float) -> set[str]:
     """States that are right for an element."""
-    from bim_verify.core.change.decide import overlap
+    from bim_verify.core.change.overlap import overlap
 
     if built:
         return {"NEW"}

@@ -8,16 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..evidence.decide import GLAZED
-from ..evidence.thresholds import Thresholds
 from ..model.elements import BuildingModel
 from .look import ElementSight, Seen
+from .overlap import ABSENT_OVERLAP, overlap
 from .results import State
 
 LEAST_DEEP_SHARE = 0.1
 """A standing element of which rays crossed this share, in parts three voxels thick, is partly gone: below it, pipes through a
 wall, recesses and reveals that models leave out would count as demolition."""
-ABSENT_OVERLAP = Thresholds.absent_share
-"""An element moved so far that no more than this of it overlaps its planned place has left that place."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +67,11 @@ def _against_epoch(
     if "PART" in (now.seen, before.seen):
         return Decision("PARTIAL", then)
     change = np.array(now.shift or (0.0, 0.0, 0.0)) - np.array(before.shift or (0.0, 0.0, 0.0))
-    if np.linalg.norm(change) <= tolerance:
+    left = overlap(model, row, change) <= ABSENT_OVERLAP
+    if np.linalg.norm(change) <= tolerance and not (left and now.seen != before.seen):
         return Decision("CONFIRMED", then)
+    if now.seen == "STANDS" and left:  # its place was empty, and no longer is
+        return Decision("NEW", f"{then} Its planned place was free in the reference.")
     return _moved(model, row, change, then)
 
 
@@ -79,17 +80,6 @@ def _moved(model: BuildingModel, row: int, shift: NDArray[np.float64], reason: s
     if share <= ABSENT_OVERLAP:
         return Decision("DISAPPEARED", f"{reason} It has left its place: {share:.0%} of it overlaps.", share)
     return Decision("PARTIAL", f"{reason} {share:.0%} of it overlaps its place.", share)
-
-
-def overlap(model: BuildingModel, row: int, shift: NDArray[np.float64]) -> float:
-    """Share of an element's extent along a shift [m] that overlaps itself after the shift: exact for prisms along it."""
-    length = float(np.linalg.norm(shift))
-    if length < 1e-9:
-        return 1.0
-    start = model.triangle_start
-    corner = model.vertices[model.triangles[start[row] : start[row + 1]]].reshape(-1, 3)
-    extent = float(np.ptp(corner @ (shift / length)))
-    return max(1.0 - length / max(extent, 1e-9), 0.0)
 
 
 def _glazed(model: BuildingModel, row: int) -> bool:

@@ -28,6 +28,8 @@ from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..sensing.loa import level_sigma, worst_voxel_shift
+from .overlap import ABSENT_OVERLAP, overlap
+from .parts import Parts
 from .twins import find_twins
 
 Seen = Literal["STANDS", "GONE", "MOVED", "PART", "UNSEEN"]
@@ -78,9 +80,12 @@ class EpochSight:
 
 def look_at_elements(
     model: BuildingModel, samples: SurfaceSamples, scene: RayScene, stations: StationIndexes, *, sigma: float,
-    edge: float, registration_sigma: float | None, progress: Progress,
+    edge: float, registration_sigma: float | None, progress: Progress, parts: Parts = frozenset(),
 ) -> EpochSight:
-    """Decide for each element what this epoch shows. Raises BimVerifyError when no return comes near the model."""
+    """Decide for each element what this epoch shows. Raises BimVerifyError when no return comes near the model.
+
+    ``parts`` names elements that are parts of others.
+    """
     thresholds = Thresholds()
     surfaces = ElementSurfaces(model)
     window = max(worst_voxel_shift(edge), thresholds.window_floor) + 3 * sigma
@@ -108,7 +113,7 @@ def look_at_elements(
         found.samples.element, weights=found.samples.area * found.samples.exposed, minlength=len(model.elements)
     )
     tolerance = change_tolerance(edge, sigma, registration_sigma)
-    twins = find_twins(model, samples, surfaces)
+    twins = find_twins(model, samples, surfaces, parts)
     sights = [
         _sight(model, row, plan, best, float(exposed[row]), tolerance, context)
         for row, (plan, best) in enumerate(zip(found.plans, found.best, strict=True))
@@ -133,7 +138,7 @@ def _sight(
         return ElementSight(seen, place.at, plan.beyond, exposed, vector if where else None, reason)
 
     if best is not plan:
-        if length <= tolerance:
+        if length <= tolerance and overlap(model, row, best.fit.vector) > ABSENT_OVERLAP:
             near = f"It stands {1000 * length:.0f} mm from its planned place, which voxels do not tell apart."
             return sight("STANDS", near, best)
         return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.", best)

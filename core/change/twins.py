@@ -1,6 +1,7 @@
 """Elements whose whole open surface is also that of another one, so that no scan can tell whether they stand.
 
-Elements modelled twice, and rafters in a roof that is modelled solid down to their underside.
+Elements modelled twice, and rafters in a roof that is modelled solid down to their underside. A whole and its parts share their
+surface too, but there nothing is in doubt: what stands is both.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from ..model.elements import BuildingModel
 from ..model.on_element import ElementSurfaces
 from ..model.samples import SurfaceSamples
+from .parts import Parts
 
 SAME_SURFACE_M = 0.002
 """Surfaces this close together, facing the same way, are one to any scanner."""
@@ -20,8 +22,13 @@ MOST_ASKED = 400
 """Positions of an element that are asked for: shares to two percent."""
 
 
-def find_twins(model: BuildingModel, samples: SurfaceSamples, surfaces: ElementSurfaces) -> NDArray[np.int64]:
-    """(E,) row of the element that nearly the whole open surface of each one also belongs to; -1 for none."""
+def find_twins(
+    model: BuildingModel, samples: SurfaceSamples, surfaces: ElementSurfaces, parts: Parts = frozenset()
+) -> NDArray[np.int64]:
+    """(E,) row of the element that nearly the whole open surface of each one also belongs to; -1 for none.
+
+    A part and its whole are no such pair.
+    """
     count = len(model.elements)
     low, high = model.element_bounds
     low, high = low - SAME_SURFACE_M, high + SAME_SURFACE_M
@@ -33,6 +40,8 @@ def find_twins(model: BuildingModel, samples: SurfaceSamples, surfaces: ElementS
         common[row] = 0.0
         best = SAME_SHARE
         for other in np.flatnonzero(common > SAME_SHARE * volume[row]):
+            if (row, int(other)) in parts or (int(other), row) in parts:
+                continue
             share = _shared(row, int(other), samples, first, surfaces)
             if share >= best and (twin[row] < 0 or share > best):
                 twin[row], best = other, share

@@ -17,6 +17,7 @@ from ..change.closing import close_gone
 from ..change.clusters import find_clusters
 from ..change.decide import element_state, ratios
 from ..change.look import EpochSight, look_at_elements, sensor_model
+from ..change.parts import Parts, read_parts
 from ..change.planned import Planned, parse_date, read_planned
 from ..change.progress import expected_state, group_progress, judge
 from ..change.results import DISAPPEARED, ChangeResult, ElementChange, EpochRecord
@@ -76,6 +77,7 @@ def change(
         solids = voxelise(model, grid, progress.part(0.08, 0.15))
         watch.lap("solids")
         samples = sample_surface(model, options.sample_spacing, scene=(scene := RayScene(model)), cache=options.cache)
+        parts = _parts(model)
         watch.lap("query positions")
         campaigns = [*([reference] if reference is not None else []), *epochs]
         names = [*(["reference"] if reference is not None else []), *_names(len(epochs))]
@@ -89,7 +91,7 @@ def change(
             stations = StationIndexes(store, model.origin)
             sight = look_at_elements(
                 model, samples, scene, stations, sigma=options.sigma, edge=edge,
-                registration_sigma=options.registration_sigma, progress=part.part(0.3, 0.9),
+                registration_sigma=options.registration_sigma, progress=part.part(0.3, 0.9), parts=parts,
             )
             occupied = occupied_voxels(
                 stations, grid, options.min_points, sensor_model(options.sigma), part.part(0.9, 1.0)
@@ -221,6 +223,12 @@ def _plans(model: BuildingModel) -> tuple[Planned, ...]:
     if not model.path or not Path(model.path).exists():
         return tuple(Planned() for _ in model.elements)
     return read_planned(open_ifc(model.path), [(e.step_id, e.global_id) for e in model.elements])
+
+
+def _parts(model: BuildingModel) -> Parts:
+    if not model.path or not Path(model.path).exists():
+        return frozenset()
+    return read_parts(open_ifc(model.path), [e.step_id for e in model.elements])
 
 
 def _record(model: BuildingModel, view: _View) -> EpochRecord:

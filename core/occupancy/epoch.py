@@ -116,17 +116,24 @@ def _settle(
             nobody &= around[row, n] < 0
         if nobody:
             continue
+        wide = np.empty((10, 10, 10), np.bool_)  # the brick and one voxel around it, then set where a neighbour is
+        for i in range(10):
+            for j in range(10):
+                for k in range(10):
+                    wide[i, j, k] = cell_set(occupied, around, row, i - 1, j - 1, k - 1)
+        for i in range(8):
+            for j in range(10):
+                for k in range(10):
+                    wide[i, j, k] |= wide[i + 1, j, k] | wide[i + 2, j, k]
+        for i in range(8):
+            for j in range(8):
+                for k in range(10):
+                    wide[i, j, k] |= wide[i, j + 1, k] | wide[i, j + 2, k]
         for cell in range(CELLS):
+            i, j, k = cell >> 6, (cell >> 3) & 7, cell & 7
             if not wanted[row, cell]:
                 continue
             if around[row, 13] >= 0 and occupied[around[row, 13], cell]:
                 state[row, cell] = OCCUPIED
-                continue
-            i, j, k = cell >> 6, (cell >> 3) & 7, cell & 7
-            near = False
-            for a in range(-1, 2):
-                for b in range(-1, 2):
-                    for c in range(-1, 2):
-                        near = near or cell_set(occupied, around, row, i + a, j + b, k + c)
-            if near:
+            elif wide[i, j, k] or wide[i, j, k + 1] or wide[i, j, k + 2]:
                 state[row, cell] = NEAR

@@ -65,27 +65,27 @@ def _sum_row(
             at[10] += q2
 
 
+@njit(cache=True, nogil=True)
+def _join_three(sums: NDArray[np.float64], columns: int, wide: NDArray[np.float64]) -> None:
+    """Sums of each bin of a row and of those left and right of it; rows wrap around."""
+    for c in range(columns):
+        left, right = (c - 1 if c > 0 else columns - 1), (c + 1 if c < columns - 1 else 0)
+        for n in range(SUMS):
+            wide[c, n] = sums[left, n] + sums[c, n] + sums[right, n]
+
+
 @njit(cache=True, nogil=True, inline="always")
 def _gather(
-    row: int, column: int, row_start: NDArray[np.int64], first_row: int, sums: NDArray[np.float64],
+    row: int, column: int, row_start: NDArray[np.int64], first_row: int, wide: NDArray[np.float64],
     s: NDArray[np.float64],
 ) -> None:
-    """Sum of the 3 x 3 bins around a bin; rows wrap around."""
-    columns = row_start[row + 1] - row_start[row]
-    middle = (column + 0.5) / columns
+    """Sum of the 3 x 3 bins around a bin, of which three each are joined already."""
+    middle = (column + 0.5) / (row_start[row + 1] - row_start[row])
     s[:] = 0.0
     for r in range(max(row - 1, 0), min(row + 2, len(row_start) - 1)):
-        there = row_start[r + 1] - row_start[r]
-        c = column if r == row else int(middle * there)
-        for step in range(-1, 2):
-            at = c + step
-            if at < 0:
-                at += there
-            elif at >= there:
-                at -= there
-            part = sums[r - first_row, at]
-            for n in range(SUMS):
-                s[n] += part[n]
+        c = column if r == row else int(middle * (row_start[r + 1] - row_start[r]))
+        for n in range(SUMS):
+            s[n] += wide[r - first_row, c, n]
 
 
 @njit(cache=True, nogil=True)
@@ -147,16 +147,17 @@ def _fit_rows(
     for block in prange((rows + ROWS_AT_ONCE - 1) // ROWS_AT_ONCE):
         begin, end = block * ROWS_AT_ONCE, min((block + 1) * ROWS_AT_ONCE, rows)
         first, last = max(begin - 1, 0), min(end + 1, rows)
-        sums = np.empty((last - first, widest, SUMS))
+        sums, wide = np.empty((widest, SUMS)), np.empty((last - first, widest, SUMS))
         for row in range(first, last):
-            _sum_row(point, start, row_start[row], row_start[row + 1], sums[row - first])
+            _sum_row(point, start, row_start[row], row_start[row + 1], sums)
+            _join_three(sums, row_start[row + 1] - row_start[row], wide[row - first])
         s, m = np.empty(SUMS), np.empty(3)
         for row in range(begin, end):
             for column in range(row_start[row + 1] - row_start[row]):
                 b = row_start[row] + column
                 if start[b] == start[b + 1]:
                     continue
-                _gather(row, column, row_start, first, sums, s)
+                _gather(row, column, row_start, first, wide, s)
                 if _fit(s, FLAT_VOXELS * edge, m):
                     plane[b, 0], plane[b, 1], plane[b, 2] = m[0], m[1], m[2]
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
+from numba import get_num_threads, njit, prange
 from numpy.typing import NDArray
 
 from .bricks import BrickTable, find, insert
@@ -15,46 +15,80 @@ from .grid import CELLS, VoxelGrid, brick_key, cell_of
 VOTE = 16
 """Votes are kept in sixteenths of a return, so that their sum depends on no order."""
 MOST = 65_535
+AT_ONCE = 1 << 19
+"""Returns entered at once: what is noted of each of them stays small."""
 EXPECTED_SHARE = 0.5
 """A surface counts as found in a voxel when half of the returns came that one seen head-on would send back: the rest may
 be lost to incidence and to the surface's course through the voxel."""
 
 
-@njit(cache=True, nogil=True)
-def _vote(
-    offsets: NDArray[np.float64], begin: int, own: NDArray[np.bool_], station: NDArray[np.float64],
-    anchor: NDArray[np.float64], edge: float, spacing_rad: float, least: int,
-    slot_key: NDArray[np.int64], slot_row: NDArray[np.int32], keys: NDArray[np.int64], used: int,
-    votes: NDArray[np.uint16], returns: NDArray[np.uint8],
-) -> tuple[int, int]:
-    """Enter returns from ``begin`` on; stops early when the table is full. Returns (next return, bricks used)."""
-    last_key, last_row = -1, -1
+@njit(cache=True, nogil=True, parallel=True)
+def _place(
+    offsets: NDArray[np.float64], own: NDArray[np.bool_], station: NDArray[np.float64], anchor: NDArray[np.float64],
+    edge: float, expected: float, least: int, key: NDArray[np.int64], cell: NDArray[np.int32], weight: NDArray[np.int32],
+) -> None:
+    """Brick key (-1: another tile's return), cell and weight of each return."""
     sx, sy, sz = station[0] - anchor[0], station[1] - anchor[1], station[2] - anchor[2]
-    expected = EXPECTED_SHARE * edge * edge / (spacing_rad * spacing_rad)
-    weight = np.empty(least + 1, np.int64)
-    for wanted in range(1, least + 1):
-        weight[wanted] = (VOTE * least) // wanted
-    for n in range(begin, len(offsets)):
+    for n in prange(len(offsets)):
         if len(own) and not own[n]:
+            key[n] = -1
             continue
         x, y, z = offsets[n, 0], offsets[n, 1], offsets[n, 2]
         i, j, k = math.floor((x + sx) / edge), math.floor((y + sy) / edge), math.floor((z + sz) / edge)
-        key = brick_key(i, j, k)
-        if key != last_key:
-            row = find(key, slot_key, slot_row)
-            if row < 0:
+        key[n], cell[n] = brick_key(i, j, k), cell_of(i, j, k)
+        wanted = int(min(max(expected / (x * x + y * y + z * z) + 0.5, 1.0), least))
+        weight[n] = (VOTE * least) // wanted
+
+
+@njit(cache=True, nogil=True)
+def _find_rows(
+    key: NDArray[np.int64], begin: int, slot_key: NDArray[np.int64], slot_row: NDArray[np.int32], keys: NDArray[np.int64],
+    used: int, row: NDArray[np.int32],
+) -> tuple[int, int]:
+    """Row of each return's brick from ``begin`` on, entering new bricks; stops when the table is full.
+
+    Returns (next return, bricks used). Returns sorted by direction come in long runs of one brick.
+    """
+    last_key, last_row = np.int64(-1), -1
+    for n in range(begin, len(key)):
+        if key[n] != last_key:
+            last_key = key[n]
+            last_row = find(last_key, slot_key, slot_row) if last_key >= 0 else -1
+            if last_row < 0 <= last_key:
                 if used == len(keys):
                     return n, used
-                row = used
-                keys[row] = key
-                insert(key, row, slot_key, slot_row)
+                last_row = used
+                keys[used] = last_key
+                insert(last_key, last_row, slot_key, slot_row)
                 used += 1
-            last_key, last_row = key, row
-        wanted = int(min(max(expected / (x * x + y * y + z * z) + 0.5, 1.0), least))
-        cell = cell_of(i, j, k)
-        votes[last_row, cell] = min(int(votes[last_row, cell]) + weight[wanted], MOST)
-        returns[last_row, cell] = min(int(returns[last_row, cell]) + 1, 255)
-    return len(offsets), used
+        row[n] = last_row
+    return len(key), used
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _vote(
+    row: NDArray[np.int32], cell: NDArray[np.int32], weight: NDArray[np.int32], parts: int, votes: NDArray[np.uint16],
+    returns: NDArray[np.uint8],
+) -> None:
+    """Enter returns; each part of the work has bricks of its own, so that no two add to one voxel at once."""
+    for part in prange(parts):
+        for n in range(len(row)):
+            r, c = row[n], cell[n]
+            if r >= 0 and r % parts == part:
+                votes[r, c] = min(int(votes[r, c]) + weight[n], MOST)
+                returns[r, c] = min(int(returns[r, c]) + 1, 255)
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _conclude(
+    order: NDArray[np.int64], votes: NDArray[np.uint16], returns: NDArray[np.uint8], need: int, least: int,
+    cells: NDArray[np.bool_], sparse: NDArray[np.int64],
+) -> None:
+    for n in prange(len(order)):
+        row = order[n]
+        for cell in range(CELLS):
+            cells[n, cell] = votes[row, cell] >= need
+            sparse[n] += cells[n, cell] and returns[row, cell] < least
 
 
 @dataclass
@@ -86,31 +120,34 @@ class Votes:
         own: NDArray[np.bool_] | None = None,
     ) -> None:
         """Enter returns (N, 3) [m, from the station] of a ``station`` (3,) [m, local frame]; only the ``own`` (N,) ones."""
-        mine = np.zeros(0, np.bool_) if own is None else own
+        for begin in range(0, len(offsets), AT_ONCE):
+            part = slice(begin, begin + AT_ONCE)
+            self._add(offsets[part], station, spacing_rad, np.zeros(0, np.bool_) if own is None else own[part])
+
+    def _add(
+        self, offsets: NDArray[np.float64], station: NDArray[np.float64], spacing_rad: float, own: NDArray[np.bool_]
+    ) -> None:
+        count, edge = len(offsets), self.grid.edge
+        key = np.empty(count, np.int64)
+        cell, weight, row = (np.empty(count, np.int32) for _ in range(3))
+        expected = EXPECTED_SHARE * edge * edge / (spacing_rad * spacing_rad)
+        _place(offsets, own, station, self.grid.anchor, edge, expected, self.least, key, cell, weight)
         at = 0
         while True:
-            at, self._used = _vote(
-                offsets, at, mine, station, self.grid.anchor, self.grid.edge, spacing_rad, self.least,
-                self._table.slot_key, self._table.slot_row, self._keys, self._used, self._votes, self._returns,
-            )
-            if at == len(offsets):
-                return
+            at, self._used = _find_rows(key, at, self._table.slot_key, self._table.slot_row, self._keys, self._used, row)
+            if at == count:
+                break
             self._grow()
+        _vote(row, cell, weight, get_num_threads(), self._votes, self._returns)
 
     def occupied(self) -> Occupied:
         """The occupied voxels so far."""
         order = np.argsort(self._keys[: self._used])
-        need = self.least * VOTE
         keys = self._keys[: self._used][order]
-        cells = np.zeros((len(keys), CELLS), np.bool_)
-        sparse = 0
-        for begin in range(0, len(keys), 4096):
-            rows = order[begin : begin + 4096]
-            part = self._votes[rows] >= need
-            sparse += int((part & (self._returns[rows] < self.least)).sum())
-            cells[begin : begin + 4096] = part
+        cells, sparse = np.zeros((len(keys), CELLS), np.bool_), np.zeros(len(keys), np.int64)
+        _conclude(order, self._votes, self._returns, self.least * VOTE, self.least, cells, sparse)
         full = cells.any(axis=1)
-        return Occupied(BrickTable(keys[full]), cells[full], sparse)
+        return Occupied(BrickTable(keys[full]), cells[full], int(sparse.sum()))
 
 
 @dataclass(frozen=True)

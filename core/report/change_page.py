@@ -12,6 +12,7 @@ from ..progress import Progress
 from ..sensing.loa import label, supported_level, worst_voxel_shift
 from . import palette
 from .change_files import changes_csv
+from .change_views import voxel_views
 from .html import TABLE, format_number, format_percent
 from .page_frame import PAGE, policy_hash, source, templates
 
@@ -63,10 +64,12 @@ def render_change_page(result: ChangeResult) -> str:
             if result.reference else "the model itself",
         },
         voxels=voxels,
+        views=voxel_views(result),
         voxel_total=sum(voxels) or 1,
         series=series,
         series_counts=[[sum(v == s for v in epoch.states) for s in STATES] for epoch in series],
         clusters=result.clusters[:MOST_CLUSTERS],
+        cluster_total=len(result.clusters),
         elsewhere=ELSEWHERE,
         by_id={e.global_id: e for e in result.elements},
         progress=[(p, sum(e.progress == p for e in result.elements)) for p in PROGRESS],

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import dataclasses
+import io
 from datetime import date
 from functools import cache
 from pathlib import Path
@@ -10,18 +12,26 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from bim_verify.core.change.decide import overlap
+from bim_verify.core.change.decide import element_state
+from bim_verify.core.change.look import ElementSight
+from bim_verify.core.change.overlap import overlap
 from bim_verify.core.change.planned import Planned, parse_date
 from bim_verify.core.change.progress import expected_state, judge
 from bim_verify.core.change.results import ChangeResult, ElementChange
 from bim_verify.core.change.solids import mesh_volumes, voxelise
+from bim_verify.core.change.twins import find_twins
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.jobs import change
+from bim_verify.core.model.elements import BuildingModel
+from bim_verify.core.model.on_element import ElementSurfaces
+from bim_verify.core.model.sample_surface import sample_surface
 from bim_verify.core.occupancy.grid import VoxelGrid
 from bim_verify.core.options import ChangeOptions
 from bim_verify.core.report.change_files import change_to_json, changes_csv, remaining_mesh, write_voxels
 from bim_verify.core.report.change_page import render_change_page
+from bim_verify.core.report.change_views import voxel_views
 from bim_verify.core.sensing.loa import supported_level
 from bim_verify.core.simulation.scene import Prop
 
@@ -156,24 +166,64 @@ def test_nothing_depends_on_tiles() -> None:
         assert (getattr(whole.voxels, part) == getattr(tiled.voxels, part)).all()
 
 
-def test_what_is_modelled_twice_is_not_told_apart() -> None:
-    plan = house()
-    column = list(PLAN).index("column")
-    own = slice(*plan.triangle_start[column : column + 2])
-    twice = dataclasses.replace(
+def with_copy(plan: BuildingModel, row: int) -> BuildingModel:
+    """The model with an element of it a second time, as its last one."""
+    own = slice(*plan.triangle_start[row : row + 2])
+    return dataclasses.replace(
         plan,
-        elements=(*plan.elements, dataclasses.replace(plan.elements[column], global_id="again", name="again", step_id=99)),
+        elements=(*plan.elements, dataclasses.replace(plan.elements[row], global_id="again", name="again", step_id=99)),
         triangles=np.concatenate([plan.triangles, plan.triangles[own]]),
         triangle_element=np.append(plan.triangle_element, np.full(own.stop - own.start, len(PLAN), np.int32)),
         closed=np.append(plan.closed, True),
         transparent=np.append(plan.transparent, plan.transparent[own]),
     )
+
+
+def test_what_is_modelled_twice_is_not_told_apart() -> None:
+    plan = house()
+    column = list(PLAN).index("column")
+    twice = with_copy(plan, column)
     for source, state in ((before(), "UNKNOWN"), (after(), "DISAPPEARED")):
         found = by_name(change(twice, [source], None, OPTIONS))
         assert found["column"].state == found["again"].state == state
         assert found["partition"].state in ("CONFIRMED", "PARTIAL")
         if state == "UNKNOWN":
             assert "again" in found["column"].reason and "column" in found["again"].reason
+
+
+def test_a_part_and_its_whole_are_no_twins() -> None:
+    import ifcopenshell
+    import ifcopenshell.guid
+
+    from bim_verify.core.change.parts import read_parts
+
+    file = ifcopenshell.file(schema="IFC4")
+    stair, flight, step, wall = (
+        file.create_entity(kind, ifcopenshell.guid.new())
+        for kind in ("IfcStair", "IfcStairFlight", "IfcBuildingElementPart", "IfcWall")
+    )
+    for whole, part in ((stair, flight), (flight, step)):
+        file.create_entity("IfcRelAggregates", ifcopenshell.guid.new(), RelatingObject=whole, RelatedObjects=[part])
+    parts = read_parts(file, [e.id() for e in (stair, step, wall)])
+    assert parts == {(1, 0)}
+
+    plan = house()
+    column = list(PLAN).index("column")
+    twice = with_copy(plan, column)
+    samples = sample_surface(twice, 0.1)
+    found = find_twins(twice, samples, ElementSurfaces(twice))
+    assert found[column] == len(PLAN) and found[len(PLAN)] == column
+    assert (find_twins(twice, samples, ElementSurfaces(twice), frozenset({(len(PLAN), column)})) == -1).all()
+
+
+def test_where_an_element_came_from_elsewhere_it_is_new() -> None:
+    model = house()
+    row = list(PLAN).index("column")
+    there = ElementSight("STANDS", 1.0, 0.0, 1.0, (0.0, 0.0, 0.0), "")
+    for shift, states in ((5.0, ("NEW", "DISAPPEARED")), (0.1, ("PARTIAL", "PARTIAL"))):
+        moved = ElementSight("MOVED", 1.0, 0.0, 1.0, (shift, 0.0, 0.0), "")
+        assert element_state(model, row, there, moved, 0.0, 0.01).state == states[0]
+        assert element_state(model, row, moved, there, 0.0, 0.01).state == states[1]
 
 
 def test_solids_are_filled_and_thin_ones_kept() -> None:
@@ -270,11 +320,24 @@ def test_outputs_hold_what_was_found(tmp_path: Path) -> None:
     assert "<script" not in page and "partition" in page
 
 
+def test_the_report_shows_progress_without_a_plan_and_pictures_of_all_sides() -> None:
+    result = against_reference()
+    page = render_change_page(result)
+    assert "states no plan" in page and "Not observed" in page and ">Planned<" not in page
+    views = voxel_views(result)
+    assert len(views) == page.count("data:image/png") == 3
+    above = np.asarray(Image.open(io.BytesIO(base64.b64decode(views[0].image))))
+    assert above.shape == (views[0].height, views[0].width, 3)
+    x, y = ((np.array([6.1, 3.0]) - result.anchor[:2]) / result.edge - result.voxels.index.min(axis=0)[:2]).astype(int)
+    red, green, _ = above[views[0].height - 1 - y, x].astype(int)  # the half of the partition that is gone
+    assert red > 2 * green
+
+
 def test_names_are_escaped_in_the_report() -> None:
     result = against_model()
     bad = dataclasses.replace(result.elements[0], name="<img src=x onerror=alert(1)>")
     page = render_change_page(dataclasses.replace(result, elements=(bad, *result.elements[1:])))
-    assert "<img" not in page and "&lt;img" in page
+    assert "<img src=x" not in page and "&lt;img src=x" in page
 
 
 def test_scans_elsewhere_are_refused() -> None:
