@@ -1,6 +1,6 @@
 """Photos of facades with known truth, rendered in Blender's Cycles: stone and glass, sun, trees, perspective, a real lens.
 
-    python scripts/render_facades.py --out DIR [--images 60] [--first 0] [--size 1024]
+    python scripts/render_facades.py --out DIR [--images 60] [--first 0] [--size 896]
 
 Writes ``facade_NN.jpg`` and beside it ``facade_NN.json`` with the truth: elements in metres, their types, the homography
 from the wall to the image, what is hidden. Those that are there are kept. Needs the ``bpy`` module.
@@ -48,8 +48,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--images", type=int, default=60)
     parser.add_argument("--first", type=int, default=0, help="seed of the first")
-    parser.add_argument("--size", type=int, default=1024, help="pixels along the longer side")
-    parser.add_argument("--samples", type=int, default=4, help="light paths per pixel, before denoising")
+    parser.add_argument("--size", type=int, default=896, help="pixels along the longer side")
+    parser.add_argument("--samples", type=int, default=2, help="light paths per pixel, before denoising")
     options = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else None)
     options.out.mkdir(parents=True, exist_ok=True)
     for seed in range(options.first, options.first + options.images):
@@ -290,8 +290,8 @@ class Street:
             self.box(x - 0.05, x + 0.05, -2.6, -2.5, 0.0, 5.5, self.metal)
         if rng.random() < 0.35:
             x, color = rng.uniform(-1, w - 2), plain("car", rng.uniform(0.05, 0.5, 3), 0.2)
-            self.box(x, x + 4.2, -6.2, -4.5, 0.2, 0.85, color)
-            self.box(x + 0.8, x + 3.4, -6.1, -4.6, 0.85, 1.42, self.metal)
+            self.box(x, x + 4.2, -6.2, -4.5, 0.1, 0.75, color)
+            self.box(x + 0.8, x + 3.4, -6.1, -4.6, 0.75, 1.35, color)
 
     def plants(self) -> list[Any]:
         """Trees and bushes before the wall: clouds of leaves on trunks."""

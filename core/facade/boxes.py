@@ -1,0 +1,267 @@
+"""Element boxes of a rectified facade: what is not wall, cut where the wall shows, set to the edges that bound it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .features import MARGIN_M, Features
+
+LEAST_DISTANCE = 7.0
+"""CIE Lab units: a change that a person sees at once."""
+OUTLIER = 3.5
+JOINED_M = 0.10
+"""Bars of windows are narrower, piers between windows wider."""
+THIN_M = 0.26
+"""Poles, pipes, sills and string courses are thinner than any window."""
+COURSE_M = 0.5
+NARROWEST_M = 0.35
+LEAST_AREA_M2 = 0.3
+LEAST_FILL = 0.5
+INWARD_M, OUTWARD_M = 0.24, 0.10
+"""How far from what was found in colour the edge of the opening is looked for: surrounds and sills lie outside it."""
+SAME_M = 0.2
+HIDDEN = 0.3
+SEEN = 0.3
+
+
+@dataclass(frozen=True)
+class PixelBox:
+    """Rows and columns of the rectified picture, end not included; fractions of pixels."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+    inferred: bool = False
+
+    @property
+    def width(self) -> float:
+        return self.x1 - self.x0
+
+    @property
+    def height(self) -> float:
+        return self.y1 - self.y0
+
+
+def not_wall(seen: Features) -> NDArray[np.bool_]:
+    """(H, W) where something else than wall is seen; plants are neither."""
+    import cv2
+
+    scale, d = seen.scale, seen.distance
+    low = d[d < np.median(d) + 2 * LEAST_DISTANCE]
+    limit = max(LEAST_DISTANCE, OUTLIER * float(np.median(low)))
+    mask = (d > limit) & ~seen.vegetation
+    mask &= ~courses(mask, scale)[:, None]
+
+    def block(x: float, y: float) -> NDArray[np.uint8]:
+        return np.ones((max(round(y * scale), 1), max(round(x * scale), 1)), dtype=np.uint8)
+
+    out = mask.astype(np.uint8)
+    out = cv2.morphologyEx(out, cv2.MORPH_CLOSE, block(JOINED_M, 0.0))
+    out = cv2.morphologyEx(out, cv2.MORPH_CLOSE, block(0.0, JOINED_M))
+    out = cv2.morphologyEx(out, cv2.MORPH_OPEN, block(THIN_M, 0.0))
+    out = cv2.morphologyEx(out, cv2.MORPH_OPEN, block(0.0, THIN_M))
+    return out.astype(bool)
+
+
+def courses(mask: NDArray[np.bool_], scale: float) -> NDArray[np.bool_]:
+    """(H,) rows of string courses and cornices: they reach over both ends of the wall, and are low."""
+    edge = max(int(MARGIN_M * scale), 2)
+    ends = np.minimum(mask[:, :edge].mean(axis=1), mask[:, -edge:].mean(axis=1))
+    full = (ends > 0.6) & (mask.mean(axis=1) > 0.6)
+    out = np.zeros(len(mask), dtype=np.bool_)
+    change = np.flatnonzero(np.diff(np.concatenate([[False], full, [False]]).astype(np.int8)))
+    for first, last in change.reshape(-1, 2):
+        if last - first < COURSE_M * scale or first < COURSE_M * scale:
+            out[max(first - 2, 0) : last + 2] = True
+    return out
+
+
+def find_boxes(seen: Features) -> list[PixelBox]:
+    """All openings of a facade, in no order."""
+    boxes = set_to_edges(seen, regular(seen, coarse_boxes(seen)))
+    return agreed(seen, boxes)
+
+
+def coarse_boxes(seen: Features) -> list[PixelBox]:
+    """One for each patch that is no wall and about a rectangle."""
+    import cv2
+
+    scale, mask = seen.scale, not_wall(seen)
+    count, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
+    out = []
+    for k in range(1, count):
+        x, y, w, h = (int(v) for v in stats[k, :4])
+        patch = label[y : y + h, x : x + w] == k
+        for box in _cut(patch, scale):
+            part = patch[int(box.y0) : int(box.y1), int(box.x0) : int(box.x1)]
+            if min(box.width, box.height) < NARROWEST_M * scale or box.width * box.height < LEAST_AREA_M2 * scale**2:
+                continue
+            if part.mean() >= LEAST_FILL:
+                out.append(PixelBox(x + box.x0, y + box.y0, x + box.x1, y + box.y1))
+    return out
+
+
+def _cut(patch: NDArray[np.bool_], scale: float) -> list[PixelBox]:
+    """The extent of a patch where at least half of it is; a patch of several windows is cut at its narrow places."""
+    out = []
+    rows = patch.sum(axis=1)
+    for top, bottom in _spans(rows, 0.4, scale):
+        part = patch[top:bottom]
+        columns = part.sum(axis=0)
+        for left, right in _spans(columns, 0.4, scale):
+            inner = _spans(part[:, left:right].sum(axis=1), 0.4, scale)
+            for a, b in inner:
+                out.append(PixelBox(left, top + a, right, top + b))
+    return out
+
+
+def _spans(profile: NDArray[np.int64], share: float, scale: float) -> list[tuple[int, int]]:
+    if not profile.any():
+        return []
+    high = profile > share * np.quantile(profile[profile > 0], 0.8)
+    change = np.flatnonzero(np.diff(np.concatenate([[False], high, [False]]).astype(np.int8))).reshape(-1, 2)
+    merged: list[list[int]] = []
+    for first, last in change:
+        if merged and first - merged[-1][1] < JOINED_M * scale:
+            merged[-1][1] = int(last)
+        else:
+            merged.append([int(first), int(last)])
+    return [(a, b) for a, b in merged if b - a >= THIN_M * scale]
+
+
+def regular(seen: Features, boxes: list[PixelBox]) -> list[PixelBox]:
+    """The pattern of rows and columns: a part of a window grows to the window, one behind a plant is put in."""
+    scale = seen.scale
+    out = [_grown(box, boxes, scale) for box in boxes]
+    out = _without_overlap(out)
+    rows, columns = groups(out, "y", scale), groups(out, "x", scale)
+    mask = seen.distance > LEAST_DISTANCE
+    lines = np.abs(seen.vertical) + np.abs(seen.horizontal)
+    busy = float(np.median([_mean(lines, b) for b in out])) if out else 0.0
+    added = []
+    for row in rows:
+        if len(row) < 2:
+            continue
+        y0, y1 = (float(np.median([getattr(out[k], e) for k in row])) for e in ("y0", "y1"))
+        for column in columns:
+            if len(column) < 2 or set(row) & set(column):
+                continue
+            x0, x1 = (float(np.median([getattr(out[k], e) for k in column])) for e in ("x0", "x1"))
+            wide = float(np.median([out[k].width for k in row]))
+            guess = PixelBox(x0, y0, x1, y1, True)
+            if abs(guess.width - wide) > 0.5 * wide or any(overlap(guess, b) > 0.05 for b in [*out, *added]):
+                continue
+            hidden, shown, edged = _mean(seen.vegetation, guess), _mean(mask, guess), _mean(lines, guess)
+            if hidden > HIDDEN or (shown > SEEN and edged > 0.5 * busy):
+                added.append(guess)
+    return out + added
+
+
+def _grown(box: PixelBox, boxes: list[PixelBox], scale: float) -> PixelBox:
+    """With the edges of those beside and above it, where most of them agree that it goes on."""
+    for low, high, other_low, other_high in (("y0", "y1", "x0", "x1"), ("x0", "x1", "y0", "y1")):
+        a, b = getattr(box, low), getattr(box, high)
+        mates = [
+            m for m in boxes
+            if m is not box and min(b, getattr(m, high)) - max(a, getattr(m, low)) > 0.8 * (b - a)
+            and min(getattr(box, other_high), getattr(m, other_high)) <= max(getattr(box, other_low), getattr(m, other_low))
+        ]
+        if len(mates) < 2:
+            continue
+        starts, ends = (np.array([getattr(m, e) for m in mates]) for e in (low, high))
+        start, end = float(np.median(starts)), float(np.median(ends))
+        agree = (np.abs(starts - start) < SAME_M * scale) & (np.abs(ends - end) < SAME_M * scale)
+        if agree.mean() < 0.6 or agree.sum() < 2 or end - start > 2.2 * (b - a):
+            continue
+        if start > a + SAME_M * scale or end < b - SAME_M * scale:
+            continue
+        if a - start > SAME_M * scale or end - b > SAME_M * scale:
+            box = replace(box, **{low: start, high: end})
+    return box
+
+
+def _without_overlap(boxes: list[PixelBox]) -> list[PixelBox]:
+    kept: list[PixelBox] = []
+    for box in sorted(boxes, key=lambda b: -b.width * b.height):
+        if all(overlap(box, other) < 0.3 for other in kept):
+            kept.append(box)
+    return kept
+
+
+def overlap(a: PixelBox, b: PixelBox) -> float:
+    """Of the smaller one's area."""
+    w, h = min(a.x1, b.x1) - max(a.x0, b.x0), min(a.y1, b.y1) - max(a.y0, b.y0)
+    return 0.0 if w <= 0 or h <= 0 else w * h / max(min(a.width * a.height, b.width * b.height), 1e-9)
+
+
+def groups(boxes: list[PixelBox], axis: str, scale: float) -> list[list[int]]:
+    """Rows (axis y) or columns (axis x): boxes whose two edges along that axis agree."""
+    out: list[list[int]] = []
+    for k, box in enumerate(boxes):
+        for group in out:
+            first = boxes[group[0]]
+            if all(abs(getattr(box, f"{axis}{e}") - getattr(first, f"{axis}{e}")) < SAME_M * scale for e in (0, 1)):
+                group.append(k)
+                break
+        else:
+            out.append([k])
+    return out
+
+
+def _mean(values: NDArray[np.generic], box: PixelBox) -> float:
+    part = values[max(round(box.y0), 0) : max(round(box.y1), 1), max(round(box.x0), 0) : max(round(box.x1), 1)]
+    return float(part.mean()) if part.size else 0.0
+
+
+def set_to_edges(seen: Features, boxes: list[PixelBox]) -> list[PixelBox]:
+    """Each side to the strongest straight edge near it, to a fraction of a pixel."""
+    out = []
+    for box in boxes:
+        if box.inferred:
+            out.append(box)
+            continue
+        rows = slice(round(box.y0 + 0.2 * box.height), max(round(box.y1 - 0.2 * box.height), round(box.y0) + 1))
+        columns = slice(round(box.x0 + 0.2 * box.width), max(round(box.x1 - 0.2 * box.width), round(box.x0) + 1))
+        upright = np.abs(seen.vertical[rows].mean(axis=0))
+        level = np.abs(seen.horizontal[:, columns].mean(axis=1))
+        inward, outward = INWARD_M * seen.scale, OUTWARD_M * seen.scale
+        x_in, y_in = min(inward, 0.3 * box.width), min(inward, 0.3 * box.height)
+        foot = len(level) - box.y1 < 0.15 * seen.scale
+        out.append(PixelBox(
+            _edge(upright, box.x0, -outward, x_in), _edge(level, box.y0, -outward, y_in),
+            _edge(upright, box.x1, -x_in, outward), float(len(level)) if foot else _edge(level, box.y1, -y_in, outward),
+        ))  # fmt: skip
+    return out
+
+
+def _edge(profile: NDArray[np.float32], near: float, before: float, after: float) -> float:
+    low, high = max(round(near + before), 1), min(round(near + after) + 1, len(profile) - 1)
+    if high - low < 1:
+        return near
+    at = low + int(np.argmax(profile[low:high]))
+    left, middle, right = (float(profile[k]) for k in (at - 1, at, at + 1))
+    bend = left - 2 * middle + right
+    # pixel k covers k to k + 1
+    return at + 0.5 + (0.5 * (left - right) / bend if bend < 0 and left <= middle >= right else 0.0)
+
+
+def agreed(seen: Features, boxes: list[PixelBox]) -> list[PixelBox]:
+    """Edges that nearly agree along a row or a column are one edge: their median."""
+    out = list(boxes)
+    for edge in ("x0", "x1", "y0", "y1"):
+        values = np.array([getattr(b, edge) for b in out])
+        order = np.argsort(values, kind="stable")
+        start = 0
+        for stop in range(1, len(order) + 1):
+            if stop == len(order) or values[order[stop]] - values[order[stop - 1]] > 0.06 * seen.scale:
+                members = order[start:stop]
+                middle = float(np.median(values[members]))
+                for k in members:
+                    if abs(values[k] - middle) < 0.12 * seen.scale:
+                        out[k] = replace(out[k], **{edge: middle})
+                start = stop
+    return out
