@@ -22,7 +22,11 @@ LEAST_AREA_M2 = 0.3
 LEAST_FILL = 0.5
 INWARD_M, OUTWARD_M = 0.24, 0.10
 """How far from what was found in colour the edge of the opening is looked for: surrounds and sills lie outside it."""
+OUTER_SHARE = 0.5
+"""The outermost edge that has this share of the strongest one: the wall's, not that of the reveal or the frame."""
 SAME_M = 0.2
+LARGEST_GROWTH = 3.0
+GOES_ON = 0.35
 HIDDEN = 0.3
 SEEN = 0.3
 
@@ -62,6 +66,9 @@ def not_wall(seen: Features) -> NDArray[np.bool_]:
     out = mask.astype(np.uint8)
     out = cv2.morphologyEx(out, cv2.MORPH_CLOSE, block(JOINED_M, 0.0))
     out = cv2.morphologyEx(out, cv2.MORPH_CLOSE, block(0.0, JOINED_M))
+    outline, _ = cv2.findContours(out, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    small = [c for c in outline if cv2.boundingRect(c)[2] < 0.5 * mask.shape[1]]
+    cv2.drawContours(out, small, -1, 1, cv2.FILLED)
     out = cv2.morphologyEx(out, cv2.MORPH_OPEN, block(THIN_M, 0.0))
     out = cv2.morphologyEx(out, cv2.MORPH_OPEN, block(0.0, THIN_M))
     return out.astype(bool)
@@ -136,8 +143,8 @@ def _spans(profile: NDArray[np.int64], share: float, scale: float) -> list[tuple
 def regular(seen: Features, boxes: list[PixelBox]) -> list[PixelBox]:
     """The pattern of rows and columns: a part of a window grows to the window, one behind a plant is put in."""
     scale = seen.scale
-    out = [_grown(box, boxes, scale) for box in boxes]
-    out = _without_overlap(out)
+    out = [_grown(seen, box, boxes) for box in boxes]
+    out = _without_overlap([_shrunk(seen, box, out) for box in out])
     rows, columns = groups(out, "y", scale), groups(out, "x", scale)
     mask = seen.distance > LEAST_DISTANCE
     lines = np.abs(seen.vertical) + np.abs(seen.horizontal)
@@ -161,8 +168,9 @@ def regular(seen: Features, boxes: list[PixelBox]) -> list[PixelBox]:
     return out + added
 
 
-def _grown(box: PixelBox, boxes: list[PixelBox], scale: float) -> PixelBox:
-    """With the edges of those beside and above it, where most of them agree that it goes on."""
+def _grown(seen: Features, box: PixelBox, boxes: list[PixelBox]) -> PixelBox:
+    """With the edges of those beside or above it, where some that agree go on: part of a window looks like the wall."""
+    scale = seen.scale
     for low, high, other_low, other_high in (("y0", "y1", "x0", "x1"), ("x0", "x1", "y0", "y1")):
         a, b = getattr(box, low), getattr(box, high)
         mates = [
@@ -170,18 +178,58 @@ def _grown(box: PixelBox, boxes: list[PixelBox], scale: float) -> PixelBox:
             if m is not box and min(b, getattr(m, high)) - max(a, getattr(m, low)) > 0.8 * (b - a)
             and min(getattr(box, other_high), getattr(m, other_high)) <= max(getattr(box, other_low), getattr(m, other_low))
         ]
-        if len(mates) < 2:
+        spans = [(getattr(m, low), getattr(m, high)) for m in mates]
+        whole = [
+            (c, d) for c, d in spans
+            if c < a + SAME_M * scale and d > b - SAME_M * scale and d - c < LARGEST_GROWTH * (b - a)
+            and sum(abs(c - e) < SAME_M * scale and abs(d - f) < SAME_M * scale for e, f in spans) >= max(2, 0.25 * len(spans))
+        ]
+        if not whole:
             continue
-        starts, ends = (np.array([getattr(m, e) for m in mates]) for e in (low, high))
-        start, end = float(np.median(starts)), float(np.median(ends))
-        agree = (np.abs(starts - start) < SAME_M * scale) & (np.abs(ends - end) < SAME_M * scale)
-        if agree.mean() < 0.6 or agree.sum() < 2 or end - start > 2.2 * (b - a):
-            continue
-        if start > a + SAME_M * scale or end < b - SAME_M * scale:
-            continue
-        if a - start > SAME_M * scale or end - b > SAME_M * scale:
-            box = replace(box, **{low: start, high: end})
+        for start, end in sorted(whole, key=lambda s: s[0] - s[1]):
+            if a - start < SAME_M * scale and end - b < SAME_M * scale:
+                break
+            if _goes_on(seen, box, low == "y0", start, a) and _goes_on(seen, box, low == "y0", b, end):
+                box = replace(box, **{low: start, high: end})
+                break
     return box
+
+
+def _shrunk(seen: Features, box: PixelBox, boxes: list[PixelBox]) -> PixelBox:
+    """Cut at the foot of its neighbours where it has their edge too: a shadow on the wall goes on below a window."""
+    near = SAME_M * seen.scale
+    mates = [m for m in boxes if m is not box and abs(m.y0 - box.y0) < near and abs(m.width - box.width) < 2 * near]
+    feet = np.array([m.y1 for m in mates])
+    if len(mates) < 2:
+        return box
+    foot = float(np.median(feet))
+    if np.mean(np.abs(feet - foot) < near) < 0.5 or box.y1 - foot < near:
+        return box
+    own, others = _edge_at(seen, box, foot), np.median([_edge_at(seen, m, foot) for m in mates])
+    return replace(box, y1=foot) if own > 0.5 * others else box
+
+
+def _edge_at(seen: Features, box: PixelBox, row: float) -> float:
+    reach = OUTWARD_M * seen.scale
+    inner = slice(round(box.x0 + 0.2 * box.width), round(box.x1 - 0.2 * box.width) + 1)
+    part = seen.horizontal[max(round(row - reach), 0) : round(row + reach) + 1, inner]
+    return float(np.abs(part.mean(axis=1)).max(initial=0.0))
+
+
+def _goes_on(seen: Features, box: PixelBox, upward: bool, first: float, last: float) -> bool:
+    """Both sides of the box go on as edges between two places outside it; True where there is nothing between."""
+    if last - first < SAME_M * seen.scale:
+        return True
+    edges = seen.vertical if upward else seen.horizontal.T
+    sides, inside = ((box.x0, box.x1), (box.y0, box.y1)) if upward else ((box.y0, box.y1), (box.x0, box.x1))
+    reach = OUTWARD_M * seen.scale
+    more = np.abs(edges[max(round(first), 0) : round(last)].mean(axis=0))
+    own = np.abs(edges[max(round(inside[0]), 0) : round(inside[1])].mean(axis=0))
+    for side in sides:
+        near = slice(max(round(side - reach), 0), round(side + 2 * reach) + 1)
+        if more[near].max(initial=0.0) < GOES_ON * own[near].max(initial=0.0):
+            return False
+    return True
 
 
 def _without_overlap(boxes: list[PixelBox]) -> list[PixelBox]:
@@ -232,17 +280,23 @@ def set_to_edges(seen: Features, boxes: list[PixelBox]) -> list[PixelBox]:
         x_in, y_in = min(inward, 0.3 * box.width), min(inward, 0.3 * box.height)
         foot = len(level) - box.y1 < 0.15 * seen.scale
         out.append(PixelBox(
-            _edge(upright, box.x0, -outward, x_in), _edge(level, box.y0, -outward, y_in),
-            _edge(upright, box.x1, -x_in, outward), float(len(level)) if foot else _edge(level, box.y1, -y_in, outward),
+            _edge(upright, box.x0, -outward, x_in, -1), _edge(level, box.y0, -outward, y_in, -1),
+            _edge(upright, box.x1, -x_in, outward, 1), float(len(level)) if foot else _edge(level, box.y1, -y_in, outward, 1),
         ))  # fmt: skip
     return out
 
 
-def _edge(profile: NDArray[np.float32], near: float, before: float, after: float) -> float:
+def _edge(profile: NDArray[np.float32], near: float, before: float, after: float, outer: int) -> float:
     low, high = max(round(near + before), 1), min(round(near + after) + 1, len(profile) - 1)
     if high - low < 1:
         return near
-    at = low + int(np.argmax(profile[low:high]))
+    part = profile[low:high]
+    strong = OUTER_SHARE * float(part.max())
+    peaks = [
+        k for k in range(low, high)
+        if profile[k] >= strong and profile[k] >= profile[k - 1] and profile[k] >= profile[k + 1]
+    ]
+    at = low + int(np.argmax(part)) if not peaks else peaks[0] if outer < 0 else peaks[-1]
     left, middle, right = (float(profile[k]) for k in (at - 1, at, at + 1))
     bend = left - 2 * middle + right
     # pixel k covers k to k + 1

@@ -13,7 +13,9 @@ LINE_M = 0.4
 FINE_M = 0.012
 MARGIN_M = 0.3
 """At both ends of a facade there is wall."""
-STRIP_M = 1.6
+STRIP_M = 2.2
+ENDS_SHARE = 1.0
+"""How much the ends of the wall count, compared with all between them."""
 BIN = 5.0
 
 
@@ -70,7 +72,7 @@ def wall_distance(lab: Array, plants: NDArray[np.bool_], scale: float) -> Array:
         strip, hidden = small[low:high:4, ::4], plants[low:high:4, ::4]
         weight = np.where(hidden, 0.0, 1.0)
         ends = max(edge // 4, 1)
-        boost = 0.4 * strip.shape[1] / (2 * ends)
+        boost = ENDS_SHARE * strip.shape[1] / (2 * ends)
         weight[:, :ends] *= 1 + boost
         weight[:, -ends:] *= 1 + boost
         found[k, 0] = _mode(strip.reshape(-1, 3), weight.ravel())
