@@ -4,11 +4,11 @@ The console script, ``blender --command bim_verify``, the headless scripts and t
 defaults and help from here.
 """
 
-from . import bundle, change, coregister, decide, demo, displacement, info, plan, quality, reconstruct, simulate, verify
+from . import bundle, change, coregister, decide, demo, displacement, facade, info, plan, quality, reconstruct, simulate, verify
 from .table import Argument, Command, Outcome
 
 COMMANDS: tuple[Command, ...] = (
-    verify.COMMAND, change.COMMAND, quality.COMMAND, plan.COMMAND, reconstruct.COMMAND, displacement.COMMAND,
+    verify.COMMAND, change.COMMAND, quality.COMMAND, plan.COMMAND, reconstruct.COMMAND, facade.COMMAND, displacement.COMMAND,
     coregister.COMMAND, bundle.COMMAND,
     decide.COMMAND, simulate.COMMAND, info.COMMAND, demo.COMMAND,
 )
