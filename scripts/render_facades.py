@@ -1,6 +1,6 @@
 """Photos of facades with known truth, rendered in Blender's Cycles: stone and glass, sun, trees, perspective, a real lens.
 
-    python scripts/render_facades.py --out DIR [--images 60] [--first 0] [--size 896]
+    python scripts/render_facades.py --out DIR [--images 60] [--first 0] [--size 800]
 
 Writes ``facade_NN.jpg`` and beside it ``facade_NN.json`` with the truth: elements in metres, their types, the homography
 from the wall to the image, what is hidden. Those that are there are kept. Needs the ``bpy`` module.
@@ -48,7 +48,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--images", type=int, default=60)
     parser.add_argument("--first", type=int, default=0, help="seed of the first")
-    parser.add_argument("--size", type=int, default=896, help="pixels along the longer side")
+    parser.add_argument("--size", type=int, default=800, help="pixels along the longer side")
     parser.add_argument("--samples", type=int, default=2, help="light paths per pixel, before denoising")
     options = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else None)
     options.out.mkdir(parents=True, exist_ok=True)
@@ -127,6 +127,7 @@ class Street:
         world = bpy.data.worlds.new("sky")
         self.scene.world = world
         world.use_nodes = True
+        world.cycles.sampling_method = "NONE"
         nodes, links = world.node_tree.nodes, world.node_tree.links
         background = nodes["Background"]
         place, split, ramp = nodes.new("ShaderNodeTexCoord"), nodes.new("ShaderNodeSeparateXYZ"), nodes.new("ShaderNodeValToRGB")

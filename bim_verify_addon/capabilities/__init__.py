@@ -15,6 +15,7 @@ NAMES = (
     "change",
     "quality",
     "reconstruct",
+    "facade",
     "photos",
     "export",
 )

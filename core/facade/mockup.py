@@ -38,6 +38,15 @@ class Mockup:
     """(storey, number of the wall and of its opening) to what was found."""
     walls: dict[str, Facade]
     """Name of a wall, the same on all storeys, to the facade on it."""
+    footprint: Array | None = None
+    """(N, 2) outer corners, counter-clockwise from above; None: one wall along x from the origin."""
+
+    def base(self, index: int) -> tuple[Array, Array]:
+        """Left lower end (2,) of a facade seen from outside, and the unit vector (2,) along it."""
+        if self.footprint is None:
+            return np.zeros(2), np.array([1.0, 0.0])
+        a, b = self.footprint[index], self.footprint[(index + 1) % len(self.footprint)]
+        return a, (b - a) / np.linalg.norm(b - a)
 
 
 def mockup(facades: list[Facade], footprint: Array | None = None, thickness: float = THICKNESS_M) -> Mockup:
@@ -94,7 +103,7 @@ def mockup(facades: list[Facade], footprint: Array | None = None, thickness: flo
                 slabs.append(BuiltSlab(inside, top, SLAB_M, "ROOF", fit))
         storeys.append(BuiltStorey(name, base, top, tuple(walls), (), tuple(slabs), ()))
     building = Reconstruction(np.zeros(3), tuple(storeys), 0, 0, tuple(f.image for f in facades))
-    return Mockup(facades, building, filled, {f"Wall {k + 1}": f for k, f in enumerate(facades[:edges])})
+    return Mockup(facades, building, filled, {f"Wall {k + 1}": f for k, f in enumerate(facades[:edges])}, footprint)
 
 
 def alike(facades: list[Facade]) -> list[Facade]:

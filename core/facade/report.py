@@ -129,7 +129,7 @@ def facade_to_plain(facade: Facade) -> dict[str, Any]:
         "image": facade.image, "corners_px": facade.corners.tolist(), "levels_m": list(facade.levels),
         "width_m": scale.width, "height_m": scale.height, "scale_source": scale.source, "scale_sigma": scale.relative_sigma,
         "aspect_sigma": scale.aspect_sigma, "arrangement_x": facade.arrangement_x, "arrangement_z": facade.arrangement_z,
-        "warnings": facade.warnings,
+        "warnings": facade.warnings, "picture_px": [facade.picture.shape[1], facade.picture.shape[0]],
         "elements": [
             {"kind": b.kind, "box_m": [b.x0, b.z0, b.x1, b.z1], "rise_m": b.rise, "type": b.type, "inferred": b.inferred}
             for b in facade.boxes
