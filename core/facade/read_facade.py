@@ -23,7 +23,7 @@ from .features import Features, features
 from .records import Arrangement, Array, Facade, FacadeBox, Scale
 from .rectify import CORNER_SIGMA_PX, aspect_ratio, order_corners, rectify
 
-CONNECTED_M = 0.45
+CONNECTED_M = 0.6
 """Elements are connected along an axis when what is between them is narrower than this."""
 ROOF_M = 0.6
 GIVEN_FLOOR_SIGMA = 0.02

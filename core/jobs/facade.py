@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
+from ..facade.find_facade import find_corners
 from ..facade.read_facade import read_picture
 from ..facade.records import Facade
 from ..imagery.read_image import MOST_PIXELS
@@ -25,7 +26,7 @@ class FacadeOptions:
     """Options of ``facade``. Lengths in metres."""
 
     corners: tuple[Array, ...] = ()
-    """(4, 2) of each image's facade, pixels."""
+    """(4, 2) of each image's facade, pixels; empty: found by vanishing lines."""
     width: float | None = None
     height: float | None = None
     floor_height: float | None = None
@@ -41,10 +42,10 @@ def facade(
     Raises BimVerifyError when an image or its corners cannot be used.
     """
     options, progress = options or FacadeOptions(), progress or Progress()
-    if len(options.corners) != len(images):
+    if options.corners and len(options.corners) != len(images):
         raise BimVerifyError(
             f"{len(images)} images need the corners of {len(images)} facades, not of {len(options.corners)}; give --corners "
-            "once for each image, in their order."
+            "one text for each image, in their order."
         )
     out = []
     for k, path in enumerate(images):
@@ -56,10 +57,17 @@ def facade(
 def read_facade(path: str | Path, options: FacadeOptions, index: int = 0, width: float | None = None) -> Facade:
     """The facade of one image."""
     image, focal = read_color(path)
-    return read_picture(
-        image, str(path), options.corners[index], width=width or options.width, height=options.height,
+    corners = options.corners[index] if options.corners else find_corners(image, str(path), options.seed)
+    found = read_picture(
+        image, str(path), corners, width=width or options.width, height=options.height,
         floor_height=options.floor_height, focal=focal, seed=options.seed,
     )
+    if not options.corners:
+        found.warnings.append(
+            "The corners of the facade were found by its lines and may lie metres off; look at the report, and give --corners "
+            "for measures that hold."
+        )
+    return found
 
 
 def read_color(path: str | Path) -> tuple[NDArray[np.uint8], float | None]:
