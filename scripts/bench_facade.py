@@ -78,7 +78,9 @@ def line(row: dict[str, list[float]]) -> str:
 
 
 def score(found: Facade, truth: dict[str, Any]) -> dict[str, list[float]]:
-    row: dict[str, list[float]] = {n: [] for n in ("true", "false", "hit", "kind", "shape", "groups", "dimension", "place", "seconds")}
+    row: dict[str, list[float]] = {
+        n: [] for n in ("true", "false", "hit", "kind", "shape", "groups", "dimension", "place", "seconds")
+    }
     boxes = np.array([[b.x0, b.z0, b.x1, b.z1] for b in found.boxes]).reshape(-1, 4)
     # with no known length everything is compared at the true width
     boxes = boxes * (truth["width_m"] / found.scale.width if found.scale.source == "FLOORHEIGHT" else 1.0)
@@ -109,7 +111,10 @@ def score(found: Facade, truth: dict[str, Any]) -> dict[str, list[float]]:
         row["place"] += [*(0.5 * (boxes[i, 2:] + boxes[i, :2]) - 0.5 * (true[j, 2:] + true[j, :2]))]
     pairs = [(a, b) for a in used for b in used if a < b]
     row["groups"] = [
-        float((found.boxes[a].type == found.boxes[b].type) == (truth["elements"][used[a]]["type"] == truth["elements"][used[b]]["type"]))
+        float(
+            (found.boxes[a].type == found.boxes[b].type)
+            == (truth["elements"][used[a]]["type"] == truth["elements"][used[b]]["type"])
+        )
         for a, b in pairs
     ]
     row["floors"] = [float(len(found.levels) == len(truth["levels_m"]))]

@@ -26,8 +26,8 @@ from mathutils.geometry import tessellate_polygon
 PACKAGE = package()
 
 from bim_verify.core.imagery.camera import Camera, Interior  # noqa: E402
-from bim_verify.core.simulation.facade_plan import ElementType, FacadePlan, facade_plan  # noqa: E402
 from bim_verify.core.simulation.facade_photo import arch, street_camera, truth_of  # noqa: E402
+from bim_verify.core.simulation.facade_plan import ElementType, FacadePlan, facade_plan  # noqa: E402
 
 MARGIN = 1.06
 """How much wider the ideal picture is rendered, so that the distorted one has no empty corners."""
@@ -95,8 +95,16 @@ class Street:
         self.light()
         wall_color = self.pick(WALLS[plan.finish])
         self.wall_paint = wall(plan.finish, wall_color, rng)
-        base_paint = self.wall_paint if plan.base_finish == plan.finish else wall(plan.base_finish, self.pick(WALLS[plan.base_finish]), rng)
-        self.trim = plain("trim", np.minimum(wall_color * rng.uniform(0.7, 1.5), 0.85) if rng.random() < 0.5 else np.array([0.72, 0.7, 0.65]), 0.8)
+        base_paint = (
+            self.wall_paint
+            if plan.base_finish == plan.finish
+            else wall(plan.base_finish, self.pick(WALLS[plan.base_finish]), rng)
+        )
+        self.trim = plain(
+            "trim",
+            np.minimum(wall_color * rng.uniform(0.7, 1.5), 0.85) if rng.random() < 0.5 else np.array([0.72, 0.7, 0.65]),
+            0.8,
+        )
         self.frame, self.leaf = plain("frame", self.pick(FRAMES), 0.4), plain("door", self.pick(DOORS), 0.45)
         self.metal = plain("metal", np.array([0.06, 0.06, 0.06]), 0.5)
         split = plan.levels[1] - 0.15 if plan.base_finish != plan.finish else None
@@ -117,7 +125,9 @@ class Street:
             self.box(x - 0.001, x + 0.001, 0.3, 6.0, 0.0, h, self.wall_paint)
         if rng.random() < 0.5:
             roof = plain("roof", np.array([0.22, 0.09, 0.06]) if rng.random() < 0.5 else np.array([0.1, 0.1, 0.11]), 0.8)
-            self.mesh("roof", [(-0.1, -0.2, h), (w + 0.1, -0.2, h), (w + 0.1, 4.0, h + 3), (-0.1, 4.0, h + 3)], [(0, 1, 2, 3)], roof)
+            self.mesh(
+                "roof", [(-0.1, -0.2, h), (w + 0.1, -0.2, h), (w + 0.1, 4.0, h + 3), (-0.1, 4.0, h + 3)], [(0, 1, 2, 3)], roof
+            )
         self.around()
         return self.plants()
 
@@ -130,7 +140,11 @@ class Street:
         world.cycles.sampling_method = "NONE"
         nodes, links = world.node_tree.nodes, world.node_tree.links
         background = nodes["Background"]
-        place, split, ramp = nodes.new("ShaderNodeTexCoord"), nodes.new("ShaderNodeSeparateXYZ"), nodes.new("ShaderNodeValToRGB")
+        place, split, ramp = (
+            nodes.new("ShaderNodeTexCoord"),
+            nodes.new("ShaderNodeSeparateXYZ"),
+            nodes.new("ShaderNodeValToRGB"),
+        )
         clouds, mix = nodes.new("ShaderNodeTexNoise"), nodes.new("ShaderNodeMixRGB")
         links.new(place.outputs["Generated"], split.inputs[0])
         links.new(split.outputs["Z"], ramp.inputs["Fac"])
@@ -222,7 +236,7 @@ class Street:
         self.strip(x, y, z, ring, arch(kind, 0.065), self.frame if kind.kind == "window" or kind.glazed else self.leaf, 0.05)
         bar = 0.06
         paint = self.frame if pane is not self.leaf else self.metal
-        top = h - kind.rise if kind.rise and kind.rise < 0.3 * w else h - 0.03 - (0.0 if not kind.rise else 0.0)
+        top = h - kind.rise if kind.rise and kind.rise < 0.3 * w else h - 0.03
         for k in range(1, kind.casements):
             middle = x + w * k / kind.casements
             high = top if kind.rise == 0 or abs(middle - x - w / 2) < 0.05 else h - kind.rise
@@ -267,7 +281,9 @@ class Street:
         rng, w = self.rng, self.plan.width
         asphalt = grain("asphalt", np.array([0.09, 0.09, 0.095]), 6.0)
         stones = wall("stone", np.array([0.32, 0.31, 0.3]), rng, flat=True)
-        self.mesh("street", [(-80, -90, -0.12), (w + 80, -90, -0.12), (w + 80, 30, -0.12), (-80, 30, -0.12)], [(0, 1, 2, 3)], asphalt)
+        self.mesh(
+            "street", [(-80, -90, -0.12), (w + 80, -90, -0.12), (w + 80, 30, -0.12), (-80, 30, -0.12)], [(0, 1, 2, 3)], asphalt
+        )
         self.box(-80, w + 80, -rng.uniform(2.5, 4.0), 0.3, -0.2, 0.0, stones)
         if rng.random() < 0.6:
             for side in (-1, 1):
@@ -363,7 +379,9 @@ def wall(finish: str, color: Any, rng: np.random.Generator, flat: bool = False) 
         stain(nodes, links, shader, None, color, float(rng.uniform(0.4, 3.0)), float(rng.uniform(0.2, 0.5)))
         return made
     wide, high, joint = {
-        "brick": (0.24, 0.075, 0.01), "stone": (rng.uniform(0.5, 0.9), rng.uniform(0.25, 0.4), 0.008), "concrete": (3.0, 1.4, 0.015),
+        "brick": (0.24, 0.075, 0.01),
+        "stone": (rng.uniform(0.5, 0.9), rng.uniform(0.25, 0.4), 0.008),
+        "concrete": (3.0, 1.4, 0.015),
     }[finish]
     place, turn, texture = nodes.new("ShaderNodeTexCoord"), nodes.new("ShaderNodeMapping"), nodes.new("ShaderNodeTexBrick")
     turn.vector_type = "POINT"
@@ -411,7 +429,7 @@ def look(plan: FacadePlan, camera: Camera, plants: list[Any]) -> tuple[list[floa
             for b in steps:
                 target = Vector((element.x + a * kind.width, 0.0, element.z + b * kind.height))
                 way = target - eye
-                hit, place, *_ = bpy.context.scene.ray_cast(graph, eye, way.normalized(), distance=max(way.length - 0.4, 0.1))
+                hit, *_ = bpy.context.scene.ray_cast(graph, eye, way.normalized(), distance=max(way.length - 0.4, 0.1))
                 count += bool(hit)
         hidden.append(count / 64)
     lens = camera.interior

@@ -43,11 +43,13 @@ def _facade(values: Values, progress: Progress) -> Outcome:
     widths: list[float | None] = []
     if footprint is not None:
         if len(images) > len(footprint):
-            raise BimVerifyError(f"The footprint has {len(footprint)} edges, fewer than the {len(images)} images; one image an edge.")
+            raise BimVerifyError(f"The footprint has {len(footprint)} edges, fewer than the {len(images)} images.")
         sides = np.linalg.norm(np.roll(footprint, -1, axis=0) - footprint, axis=1)
         widths = [float(v) for v in sides[: len(images)]]
     options = FacadeOptions(
-        corners=tuple(parse_corners(text) for text in values["corners"] or ()), width=values["width"], height=values["height"],
+        corners=tuple(parse_corners(text) for text in values["corners"] or ()),
+        width=values["width"],
+        height=values["height"],
         floor_height=values["floor_height"],
     )
     found = facade(images, options, progress.part(0.0, 0.9), widths)
@@ -75,7 +77,9 @@ COMMAND = Command(
     (
         Argument("IMAGE", "photos, one a facade; with --footprint in the order of its edges", many=True, required=True),
         Argument("--out", "IFC file to write", required=True),
-        Argument("--corners", "X,Y,X,Y,X,Y,X,Y of each facade in pixels, one text an image; found by vanishing lines if not given", many=True),
+        Argument(
+            "--corners", "X,Y,X,Y,X,Y,X,Y of each facade in pixels, one text an image; else found by its lines", many=True
+        ),
         Argument("--width", "width of the facade, metres", float),
         Argument("--height", "height of the facade, metres", float),
         Argument("--floor-height", "height from floor to floor, metres", float),

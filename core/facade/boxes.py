@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,15 +67,15 @@ def not_wall(seen: Features) -> NDArray[np.bool_]:
     def block(x: float, y: float) -> NDArray[np.uint8]:
         return np.ones((max(round(y * scale), 1), max(round(x * scale), 1)), dtype=np.uint8)
 
-    out = mask.astype(np.uint8)
+    out: Any = mask.astype(np.uint8)
     out = cv2.morphologyEx(out, cv2.MORPH_CLOSE, block(JOINED_M, 0.0))
     out = cv2.morphologyEx(out, cv2.MORPH_CLOSE, block(0.0, JOINED_M))
     outline, _ = cv2.findContours(out, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-    small = [c for c in outline if cv2.boundingRect(c)[2] < 0.5 * mask.shape[1]]
-    cv2.drawContours(out, small, -1, 1, cv2.FILLED)
+    small: Any = [c for c in outline if cv2.boundingRect(c)[2] < 0.5 * mask.shape[1]]
+    cv2.drawContours(out, small, -1, (1.0,), cv2.FILLED)
     out = cv2.morphologyEx(out, cv2.MORPH_OPEN, block(THIN_M, 0.0))
     out = cv2.morphologyEx(out, cv2.MORPH_OPEN, block(0.0, THIN_M))
-    return out.astype(bool)
+    return np.asarray(out, dtype=np.bool_)
 
 
 def courses(mask: NDArray[np.bool_], scale: float) -> NDArray[np.bool_]:
@@ -152,7 +153,7 @@ def regular(seen: Features, boxes: list[PixelBox]) -> list[PixelBox]:
     mask = seen.distance > LEAST_DISTANCE
     lines = np.abs(seen.vertical) + np.abs(seen.horizontal)
     busy = float(np.median([_mean(lines, b) for b in out])) if out else 0.0
-    added = []
+    added: list[PixelBox] = []
     for row in rows:
         if len(row) < 2:
             continue
@@ -177,14 +178,19 @@ def _grown(seen: Features, box: PixelBox, boxes: list[PixelBox]) -> PixelBox:
     for low, high, other_low, other_high in (("y0", "y1", "x0", "x1"), ("x0", "x1", "y0", "y1")):
         a, b = getattr(box, low), getattr(box, high)
         mates = [
-            m for m in boxes
-            if m is not box and min(b, getattr(m, high)) - max(a, getattr(m, low)) > 0.8 * (b - a)
+            m
+            for m in boxes
+            if m is not box
+            and min(b, getattr(m, high)) - max(a, getattr(m, low)) > 0.8 * (b - a)
             and min(getattr(box, other_high), getattr(m, other_high)) <= max(getattr(box, other_low), getattr(m, other_low))
         ]
         spans = [(getattr(m, low), getattr(m, high)) for m in mates]
         whole = [
-            (c, d) for c, d in spans
-            if c < a + SAME_M * scale and d > b - SAME_M * scale and d - c < LARGEST_GROWTH * (b - a)
+            (c, d)
+            for c, d in spans
+            if c < a + SAME_M * scale
+            and d > b - SAME_M * scale
+            and d - c < LARGEST_GROWTH * (b - a)
             and sum(abs(c - e) < SAME_M * scale and abs(d - f) < SAME_M * scale for e, f in spans) >= max(2, 0.25 * len(spans))
         ]
         if not whole:
@@ -283,7 +289,7 @@ def set_to_edges(seen: Features, boxes: list[PixelBox]) -> list[PixelBox]:
         surround = float(np.median(widths)) if len(widths) > 0.5 * len(members) else 0.0
         sill = np.median([_reaches_out(seen, boxes[k], found, k) for k in members]) > SILL_SHARE
         for k in members:
-            places = {side: _behind(found[side][k], surround, scale) for side in found}
+            places: Any = {side: _behind(found[side][k], surround, scale) for side in found}
             if sill and len(found["y1"][k]) > 1 and found["y1"][k][0] - found["y1"][k][1] < SILL_M * scale:
                 places["y1"] = found["y1"][k][1]
             foot = seen.distance.shape[0] - boxes[k].y1 < 0.15 * scale
@@ -303,8 +309,8 @@ def _reaches_out(seen: Features, box: PixelBox, found: dict[str, dict[int, list[
     if above >= below:
         return 0.0
     beside = [
-        change[max(round(a), 0) : max(round(b), 0)] for a, b in
-        ((left - SILL_OUT_M * seen.scale, left - 1.5), (right + 1.5, right + SILL_OUT_M * seen.scale))
+        change[max(round(a), 0) : max(round(b), 0)]
+        for a, b in ((left - SILL_OUT_M * seen.scale, left - 1.5), (right + 1.5, right + SILL_OUT_M * seen.scale))
     ]
     under = float(np.median(change[round(box.x0) : round(box.x1)]))
     sides = [float(np.median(part)) for part in beside if len(part)]

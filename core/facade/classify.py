@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 
 import numpy as np
 
@@ -66,7 +65,7 @@ def floors(boxes: list[tuple[float, float]], height: float) -> tuple[float, ...]
     rows: list[list[tuple[float, float]]] = []
     for span in spans:
         if rows:
-            low, high = np.median([s[0] for s in rows[-1]]), np.median([s[1] for s in rows[-1]])
+            low, high = (float(np.median([s[k] for s in rows[-1]])) for k in (0, 1))
             shared = min(high, span[1]) - max(low, span[0])
             if shared > ROW_OVERLAP * min(high - low, span[1] - span[0]):
                 rows[-1].append(span)
@@ -108,10 +107,3 @@ def group_types(boxes: list[FacadeBox], tolerance: float = ALIKE_M) -> list[int]
     for value in numbers:
         order.setdefault(value, len(order))
     return [order[v] for v in numbers]
-
-
-def typical_floor_height(rows: int, height_over_width: float) -> tuple[float, float]:
-    """Height of a facade with so many rows of windows, metres, and its relative standard deviation."""
-    rows = max(rows, 1)
-    del height_over_width
-    return rows * TYPICAL_STOREY_M + 0.8, STOREY_SIGMA / math.sqrt(1.0)

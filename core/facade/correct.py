@@ -31,6 +31,13 @@ def _from_plain(data: dict[str, Any]) -> Facade:
     wide, high = (int(v) for v in data["picture_px"])
     picture = np.broadcast_to(np.zeros(1, dtype=np.uint8), (high, wide, 3))
     return Facade(
-        str(data["image"]), (), tuple(float(v) for v in data["levels_m"]), scale, data["arrangement_x"],
-        data["arrangement_z"], np.array(data["corners_px"], dtype=np.float64), picture, warnings=list(data["warnings"]),
+        str(data["image"]),
+        (),
+        tuple(float(v) for v in data["levels_m"]),
+        scale,
+        data["arrangement_x"],
+        data["arrangement_z"],
+        np.array(data["corners_px"], dtype=np.float64),
+        picture,
+        warnings=list(data["warnings"]),
     )

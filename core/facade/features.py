@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,14 +44,19 @@ def features(picture: NDArray[np.uint8], scale: float) -> Features:
     fine = max(FINE_M * scale, 0.6)
     smooth = cv2.GaussianBlur(picture.astype(np.float32) / 255.0, (0, 0), fine)
     lab = np.asarray(cv2.cvtColor(smooth, cv2.COLOR_RGB2LAB), dtype=np.float32)
-    gx, gy = (_strongest(lab, dx, dy) for dx, dy in ((1, 0), (0, 1)))
+    gx, gy = (_change(lab, dx, dy) for dx, dy in ((1, 0), (0, 1)))
     gy = gy - np.median(gy, axis=1, keepdims=True)
     along = max(int(LINE_M * scale) | 1, 3)
-    vertical, horizontal = cv2.blur(gx, (1, along)), cv2.blur(gy, (along, 1))
+    vertical, horizontal = _float(cv2.blur(gx, (1, along))), _float(cv2.blur(gy, (along, 1)))
     return Features(scale, lab, vertical, horizontal, wall_distance(lab, plants, scale), plants)
 
 
-def _strongest(lab: Array, dx: int, dy: int) -> Array:
+def _float(values: NDArray[Any]) -> Array:
+    return np.asarray(values, dtype=np.float32)
+
+
+def _change(lab: Array, dx: int, dy: int) -> Array:
+    """Change of lightness along one axis."""
     import cv2
 
     return np.asarray(cv2.Scharr(np.ascontiguousarray(lab[..., 0]), cv2.CV_32F, dx, dy) / 32.0)
@@ -64,7 +70,7 @@ def wall_distance(lab: Array, plants: NDArray[np.bool_], scale: float) -> Array:
     step = max(int(0.25 * scale), 2)
     half = max(int(STRIP_M / 2 * scale), 4)
     edge = max(int(MARGIN_M * scale), 2)
-    small = cv2.medianBlur(lab, 5)
+    small = _float(cv2.medianBlur(lab, 5))
     rows = np.arange(step // 2, height, step)
     found = np.empty((len(rows), 3, 3), dtype=np.float32)
     for k, row in enumerate(rows):

@@ -44,9 +44,7 @@ def find_corners(image: NDArray[np.uint8], name: str, seed: int = 0) -> Array:
     vertical, own_v = _vanishing(a[upright], b[upright], rng)
     horizontal, own_h = _vanishing(a[level], b[level], rng)
     if vertical is None or horizontal is None:
-        raise BimVerifyError(
-            f"{name}: too few straight lines run along the facade to find it; give its corners by --corners."
-        )
+        raise BimVerifyError(f"{name}: too few straight lines run along the facade to find it; give its corners by --corners.")
     # a point is x times the horizontal vanishing point plus y times the vertical one plus the middle
     basis = np.column_stack([_toward(horizontal, 0), _toward(vertical, 1), [0.0, 0.0, 1.0]])
     to_wall = np.linalg.inv(basis)

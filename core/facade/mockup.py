@@ -54,7 +54,7 @@ def mockup(facades: list[Facade], footprint: Array | None = None, thickness: flo
     facades = alike(facades)
     if footprint is None:
         corners = np.array([[0.0, 0.0], [facades[0].scale.width, 0.0]])
-        edges, inner = 1, corners + [0.0, thickness]
+        edges, inner = 1, corners + np.array([0.0, thickness])
         outline = None
     else:
         corners, edges, outline = footprint, len(footprint), Polygon(footprint)
@@ -181,7 +181,9 @@ class _Enrich:
         import ifcopenshell.guid
 
         self.count += 1
-        return str(ifcopenshell.guid.compress(uuid.uuid5(NAMESPACE, f"facade {self.count} {self.made.building.scan_paths}").hex))
+        return str(
+            ifcopenshell.guid.compress(uuid.uuid5(NAMESPACE, f"facade {self.count} {self.made.building.scan_paths}").hex)
+        )
 
     def _type(self, number: int, members: list[Any]) -> None:
         f, first = self.file, members[0]
@@ -189,7 +191,9 @@ class _Enrich:
         wide, high = (float(np.median([getattr(m, n) for m in members])) for n in ("OverallWidth", "OverallHeight"))
         name = f"{'Door' if door else 'Window'} type {number + 1}: {wide:.2f} x {high:.2f} m"
         if door:
-            made = f.create_entity("IfcDoorType", GlobalId=self._id(), Name=name, PredefinedType="DOOR", OperationType="NOTDEFINED")
+            made = f.create_entity(
+                "IfcDoorType", GlobalId=self._id(), Name=name, PredefinedType="DOOR", OperationType="NOTDEFINED"
+            )
         else:
             made = f.create_entity(
                 "IfcWindowType", GlobalId=self._id(), Name=name, PredefinedType="WINDOW", PartitioningType="NOTDEFINED"
@@ -200,7 +204,9 @@ class _Enrich:
         f = self.file
         rows = [f.create_entity("IfcPropertySingleValue", k, None, f.create_entity(t, v), None) for k, (t, v) in values.items()]
         made = f.create_entity("IfcPropertySet", GlobalId=self._id(), Name=PSET_NAME, HasProperties=rows)
-        f.create_entity("IfcRelDefinesByProperties", GlobalId=self._id(), RelatedObjects=[product], RelatingPropertyDefinition=made)
+        f.create_entity(
+            "IfcRelDefinesByProperties", GlobalId=self._id(), RelatedObjects=[product], RelatingPropertyDefinition=made
+        )
 
     def _arch(self, filling: Any, box: FacadeBox) -> None:
         """The hole and what fills it as outlines drawn on the wall, pushed through it."""
@@ -217,10 +223,14 @@ class _Enrich:
         line = f.create_entity("IfcPolyline", [*points, points[0]])
         profile = f.create_entity("IfcArbitraryClosedProfileDef", "AREA", None, line)
         place = f.create_entity(
-            "IfcAxis2Placement3D", f.create_entity("IfcCartesianPoint", (0.0, float(deep), 0.0)),
-            f.create_entity("IfcDirection", (0.0, -1.0, 0.0)), f.create_entity("IfcDirection", (1.0, 0.0, 0.0)),
+            "IfcAxis2Placement3D",
+            f.create_entity("IfcCartesianPoint", (0.0, float(deep), 0.0)),
+            f.create_entity("IfcDirection", (0.0, -1.0, 0.0)),
+            f.create_entity("IfcDirection", (1.0, 0.0, 0.0)),
         )
-        return f.create_entity("IfcExtrudedAreaSolid", profile, place, f.create_entity("IfcDirection", (0.0, 0.0, 1.0)), float(deep))
+        return f.create_entity(
+            "IfcExtrudedAreaSolid", profile, place, f.create_entity("IfcDirection", (0.0, 0.0, 1.0)), float(deep)
+        )
 
 
 def arch_outline(width: float, height: float, rise: float) -> list[tuple[float, float]]:
@@ -235,5 +245,7 @@ def arch_outline(width: float, height: float, rise: float) -> list[tuple[float, 
 def _sigma(facade: Facade, length: float, axis: int) -> float:
     """Of a width (axis 0) or a height (1): two edges of a pixel each, and the scale; metres."""
     edges = math.sqrt(2.0) / facade.pixels_per_metre[axis]
-    share = math.hypot(facade.scale.relative_sigma, facade.scale.aspect_sigma if axis != (facade.scale.source == "HEIGHT") else 0.0)
+    share = math.hypot(
+        facade.scale.relative_sigma, facade.scale.aspect_sigma if axis != (facade.scale.source == "HEIGHT") else 0.0
+    )
     return math.hypot(edges, share * length)

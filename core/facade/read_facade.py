@@ -31,8 +31,15 @@ MAKE_PX, LEAST_PX = 120, 60
 
 
 def read_picture(
-    image: NDArray[np.uint8], name: str, corners: Array, *, width: float | None = None, height: float | None = None,
-    floor_height: float | None = None, focal: float | None = None, seed: int = 0,
+    image: NDArray[np.uint8],
+    name: str,
+    corners: Array,
+    *,
+    width: float | None = None,
+    height: float | None = None,
+    floor_height: float | None = None,
+    focal: float | None = None,
+    seed: int = 0,
 ) -> Facade:
     """The facade with these corners (4, 2) [px] in an image (H, W, 3), RGB.
 
@@ -56,29 +63,41 @@ def read_picture(
     if across is None:
         source = "FLOORHEIGHT"
         across, rows = _by_floors(picture, aspect, floor_height)
-        share = (GIVEN_FLOOR_SIGMA if floor_height else STOREY_SIGMA)
+        share = GIVEN_FLOOR_SIGMA if floor_height else STOREY_SIGMA
         relative = math.hypot(share, 0.3 / max(rows, 1) / 3)
         if not floor_height:
             warnings.append(
-                f"No length is known: the scale follows from a typical floor height of {TYPICAL_STOREY_M:g} m and may be wrong by "
+                f"No length is known: the scale follows from a typical floor height of {TYPICAL_STOREY_M:g} m; it may be off by "
                 f"{100 * relative:.0f} % (one sigma); give --width, --height or --floor-height."
             )
     seen = features(picture, picture.shape[1] / across)
     boxes = find_boxes(seen)
     if not boxes:
         warnings.append("No window or door was found.")
-    scale = Scale(across, across * picture.shape[0] / picture.shape[1], source, relative, 0.0 if source == "BOTH" else aspect_sigma)
+    scale = Scale(
+        across, across * picture.shape[0] / picture.shape[1], source, relative, 0.0 if source == "BOTH" else aspect_sigma
+    )
     found = _to_metres(seen, boxes, scale)
     found = [replace(b, type=t) for b, t in zip(found, group_types(found), strict=True)]
     found.sort(key=lambda b: (round(b.z0, 2), b.x0))
     levels = floors([(b.z0, b.z1) for b in found], scale.height)
     hidden = float(seen.vegetation.mean())
     if hidden > 0.05:
-        warnings.append(f"Plants hide {100 * hidden:.0f} % of the facade; what stands behind them is taken from its neighbours.")
+        warnings.append(f"Plants hide {100 * hidden:.0f} % of the facade; what is behind is taken from its neighbours.")
     profile_x, profile_z = (np.abs(v).mean(axis=a) for v, a in ((seen.horizontal, 0), (seen.vertical, 1)))
     return Facade(
-        name, tuple(found), levels, scale, _arrangement(found, "x"), _arrangement(found, "z"), ring, picture,
-        profile_x / max(float(profile_x.max()), 1e-9), profile_z / max(float(profile_z.max()), 1e-9), seen.vegetation, warnings,
+        name,
+        tuple(found),
+        levels,
+        scale,
+        _arrangement(found, "x"),
+        _arrangement(found, "z"),
+        ring,
+        picture,
+        profile_x / max(float(profile_x.max()), 1e-9),
+        profile_z / max(float(profile_z.max()), 1e-9),
+        seen.vegetation,
+        warnings,
     )
 
 
@@ -131,7 +150,8 @@ def _arrangement(boxes: list[FacadeBox], axis: str) -> Arrangement:
     gaps = []
     for a in boxes:
         ahead = [
-            getattr(b, f"{axis}0") - getattr(a, f"{axis}1") for b in boxes
+            getattr(b, f"{axis}0") - getattr(a, f"{axis}1")
+            for b in boxes
             if getattr(b, f"{axis}0") >= getattr(a, f"{axis}1") - 0.05
             and min(getattr(a, f"{other}1"), getattr(b, f"{other}1")) > max(getattr(a, f"{other}0"), getattr(b, f"{other}0"))
         ]

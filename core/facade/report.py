@@ -16,7 +16,14 @@ from .records import Facade
 
 LARGEST_PX = 900
 COLORS = (
-    (214, 69, 65), (52, 120, 190), (60, 160, 90), (220, 150, 40), (140, 90, 180), (20, 160, 170), (200, 80, 150), (120, 120, 60),
+    (214, 69, 65),
+    (52, 120, 190),
+    (60, 160, 90),
+    (220, 150, 40),
+    (140, 90, 180),
+    (20, 160, 170),
+    (200, 80, 150),
+    (120, 120, 60),
 )
 PLANT = (40, 200, 60)
 
@@ -28,17 +35,20 @@ def write_facade_report(folder: str | Path, made: Mockup) -> Path:
         scale = facade.scale
         sections.append(Section(
             f"Facade {number}: profiles",
-            f"{Path(facade.image).name}, rectified. Along the borders: how much straight edges change the picture, summed along the "
+            f"{Path(facade.image).name}, rectified. Along the borders: how much straight edges change the picture, summed along "
+            "the "
             f"other direction. The elements are {facade.arrangement_x} along x and {facade.arrangement_z} along z. "
             "Plants are marked green.", drawing=_image(profile_picture(facade)),
         ))  # fmt: skip
-        sections.append(Section(
-            f"Facade {number}: elements",
-            "One colour a type; doors are drawn thick, what plants hide and the pattern gives is dashed. Lines: floors. "
-            f"The facade is {scale.width:.2f} m wide and {scale.height:.2f} m high (scale from {scale.source.lower()}, "
-            f"one sigma {100 * scale.relative_sigma:.1f} %; height against width {100 * scale.aspect_sigma:.1f} %).",
-            drawing=_image(box_picture(facade)),
-        ))
+        sections.append(
+            Section(
+                f"Facade {number}: elements",
+                "One colour a type; doors are thick, what plants hide and the pattern gives is dashed. Lines: floors. "
+                f"The facade is {scale.width:.2f} m wide and {scale.height:.2f} m high (scale from {scale.source.lower()}, "
+                f"one sigma {100 * scale.relative_sigma:.1f} %; height against width {100 * scale.aspect_sigma:.1f} %).",
+                drawing=_image(box_picture(facade)),
+            )
+        )
         if facade.warnings:
             sections.append(Section(f"Facade {number}: to know", " ".join(facade.warnings)))
     boxes = [b for f in made.facades for b in f.boxes]
@@ -126,10 +136,18 @@ def facade_to_plain(facade: Facade) -> dict[str, Any]:
     """As plain values; metres, wall frame, and pixels of the image."""
     scale = facade.scale
     return {
-        "image": facade.image, "corners_px": facade.corners.tolist(), "levels_m": list(facade.levels),
-        "width_m": scale.width, "height_m": scale.height, "scale_source": scale.source, "scale_sigma": scale.relative_sigma,
-        "aspect_sigma": scale.aspect_sigma, "arrangement_x": facade.arrangement_x, "arrangement_z": facade.arrangement_z,
-        "warnings": facade.warnings, "picture_px": [facade.picture.shape[1], facade.picture.shape[0]],
+        "image": facade.image,
+        "corners_px": facade.corners.tolist(),
+        "levels_m": list(facade.levels),
+        "width_m": scale.width,
+        "height_m": scale.height,
+        "scale_source": scale.source,
+        "scale_sigma": scale.relative_sigma,
+        "aspect_sigma": scale.aspect_sigma,
+        "arrangement_x": facade.arrangement_x,
+        "arrangement_z": facade.arrangement_z,
+        "warnings": facade.warnings,
+        "picture_px": [facade.picture.shape[1], facade.picture.shape[0]],
         "elements": [
             {"kind": b.kind, "box_m": [b.x0, b.z0, b.x1, b.z1], "rise_m": b.rise, "type": b.type, "inferred": b.inferred}
             for b in facade.boxes

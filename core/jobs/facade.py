@@ -34,7 +34,9 @@ class FacadeOptions:
 
 
 def facade(
-    images: Sequence[str | Path], options: FacadeOptions | None = None, progress: Progress | None = None,
+    images: Sequence[str | Path],
+    options: FacadeOptions | None = None,
+    progress: Progress | None = None,
     widths: Sequence[float | None] = (),
 ) -> list[Facade]:
     """One facade an image; ``widths`` overrides the width of single ones. Nothing is written.
@@ -59,8 +61,14 @@ def read_facade(path: str | Path, options: FacadeOptions, index: int = 0, width:
     image, focal = read_color(path)
     corners = options.corners[index] if options.corners else find_corners(image, str(path), options.seed)
     found = read_picture(
-        image, str(path), corners, width=width or options.width, height=options.height,
-        floor_height=options.floor_height, focal=focal, seed=options.seed,
+        image,
+        str(path),
+        corners,
+        width=width or options.width,
+        height=options.height,
+        floor_height=options.floor_height,
+        focal=focal,
+        seed=options.seed,
     )
     if not options.corners:
         found.warnings.append(
@@ -86,5 +94,6 @@ def read_color(path: str | Path) -> tuple[NDArray[np.uint8], float | None]:
         raise BimVerifyError(f"Cannot read {source} as an image: {reason}. Check the file.") from error
     except (Image.DecompressionBombError, ValueError, SyntaxError) as error:
         raise BimVerifyError(f"Cannot read {source} as an image ({str(error)[:80]}). Export it again.") from error
-    known = isinstance(stated, int | float) and 5 < stated < 1000
-    return pixels, float(stated) / FILM_MM * max(pixels.shape[:2]) if known else None
+    if not isinstance(stated, int | float) or not 5 < stated < 1000:
+        return pixels, None
+    return pixels, float(stated) / FILM_MM * max(pixels.shape[:2])

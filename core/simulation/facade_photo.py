@@ -40,10 +40,13 @@ def arch(kind: ElementType, inset: float) -> list[tuple[float, float]]:
 def street_camera(plan: FacadePlan, size: int, rng: np.random.Generator) -> Camera:
     """A camera in the street (now and then at a window opposite) that sees the whole facade; ``size`` in pixels."""
     largest = max(plan.width, plan.height)
-    place = np.array([
-        plan.width * rng.uniform(0.1, 0.9), -largest * rng.uniform(0.95, 1.7),
-        rng.uniform(1.5, 2.0) if rng.random() < 0.65 else rng.uniform(3.0, 0.7 * plan.height),
-    ])
+    place = np.array(
+        [
+            plan.width * rng.uniform(0.1, 0.9),
+            -largest * rng.uniform(0.95, 1.7),
+            rng.uniform(1.5, 2.0) if rng.random() < 0.65 else rng.uniform(3.0, 0.7 * plan.height),
+        ]
+    )
     corners = np.array([[x, 0.0, z] for x in (0.0, plan.width) for z in (0.0, plan.height)])
     aim = corners.mean(axis=0)
     roll = float(rng.normal(0.0, 0.01))
@@ -64,7 +67,13 @@ def street_camera(plan: FacadePlan, size: int, rng: np.random.Generator) -> Came
     k1 = float(rng.uniform(-0.04, 0.01))
     shift = rng.normal(0.0, 0.004 * size, 2)
     lens = Interior(
-        width, height, focal, focal, (width - 1) / 2 + float(shift[0]), (height - 1) / 2 + float(shift[1]), (k1, 0.0, 0.0, 0.0, 0.0)
+        width,
+        height,
+        focal,
+        focal,
+        (width - 1) / 2 + float(shift[0]),
+        (height - 1) / 2 + float(shift[1]),
+        (k1, 0.0, 0.0, 0.0, 0.0),
     )
     return Camera(f"facade_{plan.seed:02d}.jpg", lens, rotation, place)
 
@@ -79,7 +88,10 @@ def truth_of(plan: FacadePlan, camera: Camera) -> dict[str, Any]:
     corners = np.array([[0.0, 0.0, plan.height], [plan.width, 0.0, plan.height], [plan.width, 0.0, 0.0], [0.0, 0.0, 0.0]])
     lens = camera.interior
     return {
-        "style": plan.style, "finish": plan.finish, "width_m": plan.width, "height_m": plan.height,
+        "style": plan.style,
+        "finish": plan.finish,
+        "width_m": plan.width,
+        "height_m": plan.height,
         "levels_m": list(plan.levels),
         "corners_px": lens.distort(camera.project(corners)).tolist(),
         "homography": homography(camera).tolist(),
@@ -134,12 +146,12 @@ def paint_facade(plan: FacadePlan, camera: Camera, seed: int = 0) -> NDArray[np.
             shade *= 0.5
         if kind.kind == "window" and plan.sills:
             cv2.rectangle(flat, at(x0 - 0.06, z0), at(x1 + 0.06, z0 - 0.06), tuple(float(v) for v in 1.1 * base), -1)
-    x, y = np.meshgrid(np.arange(lens.width, dtype=np.float64), np.arange(lens.height, dtype=np.float64))
-    ideal = lens.undistort(np.column_stack([x.ravel(), y.ravel()]))
+    column, row = np.meshgrid(np.arange(lens.width, dtype=np.float64), np.arange(lens.height, dtype=np.float64))
+    ideal = lens.undistort(np.column_stack([column.ravel(), row.ravel()]))
     on_wall = np.column_stack([ideal, np.ones(len(ideal))]) @ np.linalg.inv(homography(camera)).T
     on_wall = on_wall[:, :2] / on_wall[:, 2:]
-    u = ((on_wall[:, 0] + border) * scale).reshape(x.shape).astype(np.float32)
-    v = ((plan.height + border - on_wall[:, 1]) * scale).reshape(x.shape).astype(np.float32)
+    u = ((on_wall[:, 0] + border) * scale).reshape(row.shape).astype(np.float32)
+    v = ((plan.height + border - on_wall[:, 1]) * scale).reshape(row.shape).astype(np.float32)
     smooth = cv2.GaussianBlur(flat, (0, 0), 0.5 * OVERSAMPLING)
     seen = cv2.remap(smooth, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.clip(seen + rng.normal(0, 2.5, seen.shape), 0, 255).astype(np.uint8)

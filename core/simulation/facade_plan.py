@@ -107,7 +107,17 @@ def facade_plan(seed: int) -> FacadePlan:
     base = str(rng.choice(["plaster", "stone"])) if finish != "concrete" and d.chance(0.35) else finish
     courses = tuple(level - 0.15 for level in levels[1:] if style in ("arched", "mixed", "grid") and d.chance(0.35))
     return FacadePlan(
-        seed, style, width, height, levels, tuple(d.types), tuple(d.elements), finish, base, courses, d.chance(0.7),
+        seed,
+        style,
+        width,
+        height,
+        levels,
+        tuple(d.types),
+        tuple(d.elements),
+        finish,
+        base,
+        courses,
+        d.chance(0.7),
         style not in ("vertical", "shop") or d.chance(0.5),
     )
 
@@ -116,8 +126,15 @@ def _door(d: _Draft, rise: bool = False, surround: float = 0.0) -> int:
     wide = d.between(1.0, 1.7)
     high = d.between(2.1, 2.5) + (0.5 * wide if rise else d.between(0.0, 0.4))
     return d.type(
-        "door", wide, high, 0.5 * wide if rise else 0.0, 2 if wide > 1.3 else 1, 0.0 if rise else d.between(0.0, 0.45),
-        False, d.chance(0.3), surround,
+        "door",
+        wide,
+        high,
+        0.5 * wide if rise else 0.0,
+        2 if wide > 1.3 else 1,
+        0.0 if rise else d.between(0.0, 0.45),
+        False,
+        d.chance(0.3),
+        surround,
     )
 
 
@@ -212,7 +229,9 @@ def _vertical(d: _Draft, style: Style, levels: tuple[float, ...], storey: float,
     """Windows in strips, next to each other up the facade."""
     bays = int(d.rng.integers(3, 7))
     wide, pier, divider = d.between(1.1, 2.4), d.between(0.7, 1.6), d.between(0.15, 0.4)
-    window = d.type("window", wide, storey - divider, 0.0, int(d.rng.integers(1, 3)), d.between(0.5, 0.8) if d.chance(0.5) else 0.0)
+    window = d.type(
+        "window", wide, storey - divider, 0.0, int(d.rng.integers(1, 3)), d.between(0.5, 0.8) if d.chance(0.5) else 0.0
+    )
     low = d.type("window", wide, ground - divider - 0.6, 0.0, d.types[window].casements, 0.0)
     centers = [pier + (wide + pier) * k + wide / 2 for k in range(bays)]
     for level in levels[1:]:

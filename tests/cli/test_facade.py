@@ -45,9 +45,7 @@ def test_a_photo_becomes_a_model_a_report_and_data(tmp_path: Path, capsys: pytes
         (["--footprint", "nothing.geojson"], "nothing.geojson"),
     ],
 )
-def test_bad_input_is_one_sentence(
-    arguments: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_input_is_one_sentence(arguments: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     photo = photo_of(tmp_path, 3, size=400)
     before = sorted(tmp_path.iterdir())
     assert main(["facade", str(photo.path), "--out", str(tmp_path / "mockup.ifc"), "--quiet", *arguments]) == 1

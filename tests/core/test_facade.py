@@ -115,11 +115,20 @@ def box_facade(width: float = 10.0, kind: str = "window") -> Facade:
     from bim_verify.core.facade.records import Scale
 
     boxes = (
-        FacadeBox(1.0, 0.9, 2.2, 2.4, "window"), FacadeBox(3.0, 0.0, 4.1, 2.2, "door", 0.5), FacadeBox(1.0, 3.9, 2.2, 5.4, "window", 0.3),
+        FacadeBox(1.0, 0.9, 2.2, 2.4, "window"),
+        FacadeBox(3.0, 0.0, 4.1, 2.2, "door", 0.5),
+        FacadeBox(1.0, 3.9, 2.2, 5.4, "window", 0.3),
     )
     scale = Scale(width, 6.0, "WIDTH", 0.002, 0.01)
     return Facade(
-        "front.jpg", boxes, (0.0, 3.0), scale, "separated", "separated", np.zeros((4, 2)), np.zeros((60, 100, 3), dtype=np.uint8)
+        "front.jpg",
+        boxes,
+        (0.0, 3.0),
+        scale,
+        "separated",
+        "separated",
+        np.zeros((4, 2)),
+        np.zeros((60, 100, 3), dtype=np.uint8),
     )
 
 
@@ -171,7 +180,9 @@ def test_footprints(tmp_path: Path) -> None:
     clockwise = read_footprint("0,0 0,5 8,5 8,0")
     assert np.array_equal(clockwise, [[0, 0], [8, 0], [8, 5], [0, 5]])
     path = tmp_path / "plan.geojson"
-    path.write_text('{"type":"Polygon","coordinates":[[[11.0,48.0],[11.0001,48.0],[11.0001,48.0001],[11.0,48.0001],[11.0,48.0]]]}')
+    path.write_text(
+        '{"type":"Polygon","coordinates":[[[11.0,48.0],[11.0001,48.0],[11.0001,48.0001],[11.0,48.0001],[11.0,48.0]]]}'
+    )
     ring = read_footprint(str(path))
     assert np.linalg.norm(ring[1] - ring[0]) == pytest.approx(7.45, abs=0.05)
     for bad in ("0,0 1,1", "0,0 5,5 5,0 0,5", "a,b c,d e,f"):
