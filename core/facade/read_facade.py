@@ -67,7 +67,7 @@ def read_picture(
         relative = math.hypot(share, 0.3 / max(rows, 1) / 3)
         if not floor_height:
             warnings.append(
-                f"No length is known: the scale follows from a typical floor height of {TYPICAL_STOREY_M:g} m; it may be off by "
+                f"No length is known: the scale is from a typical floor height of {TYPICAL_STOREY_M:g} m, and may be off by "
                 f"{100 * relative:.0f} % (one sigma); give --width, --height or --floor-height."
             )
     seen = features(picture, picture.shape[1] / across)

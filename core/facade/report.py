@@ -35,8 +35,7 @@ def write_facade_report(folder: str | Path, made: Mockup) -> Path:
         scale = facade.scale
         sections.append(Section(
             f"Facade {number}: profiles",
-            f"{Path(facade.image).name}, rectified. Along the borders: how much straight edges change the picture, summed along "
-            "the "
+            f"{Path(facade.image).name}, rectified. At the borders: how much straight edges change the picture, summed along the "
             f"other direction. The elements are {facade.arrangement_x} along x and {facade.arrangement_z} along z. "
             "Plants are marked green.", drawing=_image(profile_picture(facade)),
         ))  # fmt: skip
@@ -60,7 +59,8 @@ def write_facade_report(folder: str | Path, made: Mockup) -> Path:
             f"{np.median([b.width for b in own]):.2f}", f"{np.median([b.height for b in own]):.2f}",
         ))  # fmt: skip
     sections.append(Section(
-        "Types", columns=("Type", "Kind", "Shape", "Elements", "Width m", "Height m"), rows=rows, numeric=frozenset({0, 3, 4, 5}),
+        "Types", columns=("Type", "Kind", "Shape", "Elements", "Width m", "Height m"), rows=rows,
+        numeric=frozenset({0, 3, 4, 5}),
     ))  # fmt: skip
     names = ", ".join(Path(f.image).name for f in made.facades)
     return write_page(folder, "Facade mock-up", "bim_verify facade", summary(made), (("Photos", names),), sections)
