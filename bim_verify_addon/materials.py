@@ -26,3 +26,16 @@ def surface_material(attribute: str) -> bpy.types.Material:
     tree.links.new(surface.outputs["BSDF"], output.inputs["Surface"])
     color.location, surface.location, output.location = (-250, 0), (0, 0), (300, 0)
     return material
+
+
+def plain_material(name: str, color: tuple[float, float, float, float]) -> bpy.types.Material:
+    """The material of that name: one colour, see-through by its alpha."""
+    material = bpy.data.materials.get(name)
+    if material is None:
+        material = bpy.data.materials.new(name)
+        material.use_nodes = True
+        surface = material.node_tree.nodes["Principled BSDF"]
+        surface.inputs["Base Color"].default_value = color
+        surface.inputs["Alpha"].default_value = color[3]
+        material.diffuse_color = color
+    return material

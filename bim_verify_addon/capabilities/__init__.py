@@ -17,6 +17,7 @@ NAMES = (
     "reconstruct",
     "displacement",
     "classify",
+    "facade",
     "photos",
     "export",
 )

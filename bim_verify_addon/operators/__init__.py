@@ -14,6 +14,7 @@ from .export_other import (
     BIMVERIFY_OT_export_templates,
     BIMVERIFY_OT_report,
 )
+from .facade import BIMVERIFY_OT_facade, BIMVERIFY_OT_write_facade
 from .import_ifc import BIMVERIFY_OT_import_ifc
 from .import_scan import BIMVERIFY_OT_import_scan, BIMVERIFY_OT_remove_scan
 from .plan import BIMVERIFY_OT_plan
@@ -43,6 +44,8 @@ CLASSES = (
     BIMVERIFY_OT_reconstruct,
     BIMVERIFY_OT_displacement,
     BIMVERIFY_OT_classify,
+    BIMVERIFY_OT_facade,
+    BIMVERIFY_OT_write_facade,
     BIMVERIFY_OT_show_results,
     BIMVERIFY_OT_decide,
     BIMVERIFY_OT_export_ifc,

@@ -12,6 +12,7 @@ from . import (
     decide,
     demo,
     displacement,
+    facade,
     info,
     plan,
     quality,
@@ -24,7 +25,7 @@ from .table import Argument, Command, Outcome
 
 COMMANDS: tuple[Command, ...] = (
     verify.COMMAND, change.COMMAND, quality.COMMAND, plan.COMMAND, reconstruct.COMMAND, classify.COMMAND, update.COMMAND,
-    displacement.COMMAND, coregister.COMMAND, bundle.COMMAND,
+    facade.COMMAND, displacement.COMMAND, coregister.COMMAND, bundle.COMMAND,
     decide.COMMAND, simulate.COMMAND, info.COMMAND, demo.COMMAND,
 )
 

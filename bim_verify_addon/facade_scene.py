@@ -1,0 +1,159 @@
+"""Facades in the scene: the rectified photo on its wall, and a rectangle for each opening that a person may move."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from . import frame, project, scene
+from .materials import plain_material
+
+if TYPE_CHECKING:
+    from ..core.facade.mockup import Mockup
+
+FACADES = "Facades"
+BOX_KEY = "bim_verify_facade"
+"""On a rectangle: the number of its facade."""
+KIND_KEY = "kind"
+RISE_KEY = "arch_rise_m"
+PHOTO_KEY = "bim_verify_facade_photo"
+DATA_KEY = "bim_verify_facades"
+"""On the scene: what was found, without the pictures, as JSON."""
+BEFORE_M = 0.02
+"""The rectangles lie so far before the photo, and the photo before the wall."""
+COLORS = {"window": (0.2, 0.5, 0.9, 0.5), "door": (0.85, 0.45, 0.15, 0.5)}
+
+
+def show_mockup(target: bpy.types.Scene, made: Mockup) -> None:
+    """The photos and the rectangles; those that were there before are replaced."""
+    from ..core.facade.report import facade_to_plain
+
+    clear(target)
+    place = frame.stored(target) or frame.ViewFrame()
+    for index, facade in enumerate(made.facades):
+        start, along = made.base(index)
+        _photo(target, place, start, along, facade.picture, facade.scale.width, facade.scale.height, index)
+        for box in facade.boxes:
+            low, high = np.array([box.x0, box.z0]), np.array([box.x1, box.z1])
+            item = _rectangle(target, place, start, along, low, high, 2 * BEFORE_M, f"{box.kind.title()} type {box.type + 1}")
+            item[BOX_KEY], item[KIND_KEY], item[RISE_KEY] = index, box.kind, float(box.rise)
+            item.data.materials.append(plain_material(f"Facade {box.kind}", COLORS[box.kind]))
+            item.color, item.show_wire = COLORS[box.kind], True
+    footprint = None if made.footprint is None else made.footprint.tolist()
+    target[DATA_KEY] = json.dumps({"facades": [facade_to_plain(f) for f in made.facades], "footprint": footprint})
+
+
+def read_mockup(target: bpy.types.Scene) -> Mockup:
+    """The mock-up that the rectangles make now. Raises BimVerifyError when none is left."""
+    from ..core.facade.correct import corrected
+    from ..core.facade.records import FacadeBox
+
+    data = json.loads(target[DATA_KEY])
+    footprint = None if data["footprint"] is None else np.array(data["footprint"], dtype=np.float64)
+    place = frame.stored(target) or frame.ViewFrame()
+    boxes: list[list[Any]] = [[] for _ in data["facades"]]
+    bases = [base_of(footprint, k) for k in range(len(boxes))]
+    bpy.context.view_layer.update()
+    for item in target.objects:
+        index = item.get(BOX_KEY)
+        if item.type != "MESH" or not isinstance(index, int) or not 0 <= index < len(boxes) or not len(item.data.vertices):
+            continue
+        local = np.array([v.co for v in item.data.vertices], dtype=np.float64)
+        matrix = np.array(item.matrix_world, dtype=np.float64)
+        world = place.to_model(local @ matrix[:3, :3].T + matrix[:3, 3])
+        start, along = bases[index]
+        x, z = (world[:, :2] - start) @ along, world[:, 2]
+        kind = "door" if item.get(KIND_KEY) == "door" else "window"
+        rise = item.get(RISE_KEY, 0.0)
+        rise = float(rise) if isinstance(rise, int | float) and rise > 0 else 0.0
+        boxes[index].append(FacadeBox(float(x.min()), float(z.min()), float(x.max()), float(z.max()), kind, rise))
+    return corrected(data["facades"], boxes, footprint)
+
+
+def base_of(footprint: NDArray[np.float64] | None, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Left lower end (2,) of a facade and the unit vector (2,) along it."""
+    if footprint is None:
+        return np.zeros(2), np.array([1.0, 0.0])
+    a, b = footprint[index], footprint[(index + 1) % len(footprint)]
+    return a, (b - a) / np.linalg.norm(b - a)
+
+
+def clear(target: bpy.types.Scene) -> None:
+    """Take away what stands for facades."""
+    for item in [i for i in target.objects if BOX_KEY in i or PHOTO_KEY in i]:
+        data = item.data
+        bpy.data.objects.remove(item)
+        if isinstance(data, bpy.types.Mesh) and data.users == 0:
+            bpy.data.meshes.remove(data)
+
+
+def show(target: bpy.types.Scene, result: object) -> bool:
+    """Show a mock-up in an empty scene (``--blend``); False when it is none."""
+    from ..core.facade.mockup import Mockup, mockup_file
+
+    if not isinstance(result, Mockup):
+        return False
+    from ..core.model.load import load_model
+
+    with tempfile.TemporaryDirectory(prefix="bim_verify_") as folder:
+        path = Path(folder) / "mockup.ifc"
+        mockup_file(result).write(str(path))
+        model = load_model(path, cache=False)
+    project.adopt_frame(target, model)
+    scene.show_model(target, model)
+    show_mockup(target, result)
+    return True
+
+
+def _rectangle(
+    target: bpy.types.Scene, place: frame.ViewFrame, start: NDArray[np.float64], along: NDArray[np.float64],
+    low: NDArray[np.float64], high: NDArray[np.float64], before: float, name: str,
+) -> bpy.types.Object:
+    """A face on the wall whose own zero is its middle, x along the wall."""
+    half, middle = 0.5 * (high - low), 0.5 * (low + high)
+    mesh = bpy.data.meshes.new(name)
+    corners = [(-half[0], 0.0, -half[1]), (half[0], 0.0, -half[1]), (half[0], 0.0, half[1]), (-half[0], 0.0, half[1])]
+    mesh.from_pydata([tuple(float(v) for v in c) for c in corners], [], [(0, 1, 2, 3)])
+    item = bpy.data.objects.new(name, mesh)
+    outward = np.array([along[1], -along[0]])
+    spot = np.append(start + middle[0] * along + before * outward, middle[1])
+    turn = np.array([[along[0], -along[1], 0.0], [along[1], along[0], 0.0], [0.0, 0.0, 1.0]])
+    transform = np.eye(4)
+    transform[:3, :3] = turn
+    # the origin is given before the placement turns it
+    item[frame.ORIGIN_KEY] = [float(v) for v in turn.T @ spot]
+    item[frame.PLACEMENT_KEY] = [float(v) for v in transform.ravel()]
+    frame.place(item, place)
+    scene.collection(target, FACADES).objects.link(item)
+    return item
+
+
+def _photo(
+    target: bpy.types.Scene, place: frame.ViewFrame, start: NDArray[np.float64], along: NDArray[np.float64],
+    picture: NDArray[np.uint8], width: float, height: float, index: int,
+) -> None:
+    name = f"Facade {index + 1}"
+    item = _rectangle(target, place, start, along, np.zeros(2), np.array([width, height]), BEFORE_M, name)
+    item[PHOTO_KEY], item.hide_select = index, True
+    layer = item.data.uv_layers.new(name="UVMap")
+    for corner, uv in zip(layer.data, ((0, 0), (1, 0), (1, 1), (0, 1)), strict=True):
+        corner.uv = uv
+    image = bpy.data.images.new(name, picture.shape[1], picture.shape[0])
+    pixels = np.ones((*picture.shape[:2], 4), dtype=np.float32)
+    pixels[..., :3] = picture[::-1].astype(np.float32) / 255.0
+    image.pixels.foreach_set(pixels.ravel())
+    image.pack()
+    made = bpy.data.materials.new(name)
+    made.use_nodes = True
+    nodes, links = made.node_tree.nodes, made.node_tree.links
+    texture, shader = nodes.new("ShaderNodeTexImage"), nodes.new("ShaderNodeEmission")
+    texture.image = image
+    links.new(texture.outputs["Color"], shader.inputs["Color"])
+    links.new(shader.outputs[0], nodes["Material Output"].inputs["Surface"])
+    item.data.materials.append(made)

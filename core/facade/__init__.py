@@ -1,0 +1,1 @@
+"""Photos of facades to mock-up models."""

@@ -1,0 +1,125 @@
+"""How well windows and doors are found on facades with known truth.
+
+    python scripts/render_facades.py --out DIR
+    python scripts/bench_facade.py DIR [--seeds odd|even|all] [--scale width|height|none]
+
+Parameters were fixed on the even seeds; the odd ones give the figures of docs/facade.md. An element of which plants or
+things in the street hide more than half is left out of recall, and finding it counts neither way.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from headless_entry import package
+
+PACKAGE = package()
+
+from bim_verify.core.facade.records import Facade  # noqa: E402
+from bim_verify.core.jobs.facade import FacadeOptions, read_facade  # noqa: E402
+
+FOUND_IOU = 0.5
+HIDDEN = 0.5
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--seeds", choices=("odd", "even", "all"), default="odd")
+    parser.add_argument("--scale", choices=("width", "height", "none"), default="width")
+    parser.add_argument("--verbose", action="store_true")
+    options = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else None)
+    total: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+    warm = True
+    for path in sorted(options.folder.glob("facade_*.json")):
+        seed = int(path.stem.split("_")[1])
+        if options.seeds != "all" and seed % 2 != (options.seeds == "odd"):
+            continue
+        truth = json.loads(path.read_text())
+        known = {"width": {"width": truth["width_m"]}, "height": {"height": truth["height_m"]}, "none": {}}[options.scale]
+        rng = np.random.default_rng((seed, 34))
+        corners = np.array(truth["corners_px"]) + rng.normal(0.0, 1.0, (4, 2))
+        settings = FacadeOptions(corners=(corners,), **known)
+        if warm:
+            read_facade(path.with_suffix(".jpg"), settings)
+            warm = False
+        start = time.perf_counter()
+        found = read_facade(path.with_suffix(".jpg"), settings)
+        seconds = time.perf_counter() - start
+        row = score(found, truth)
+        row["seconds"] = [seconds]
+        for name, values in row.items():
+            total[truth["style"]][name] += values
+            total["all"][name] += values
+        if options.verbose:
+            print(f"{path.stem} {truth['style']:9s} {line(row)}", flush=True)
+    for style, row in sorted(total.items(), key=lambda item: item[0] == "all"):
+        print(f"{style:9s} {line(row)}")
+
+
+def line(row: dict[str, list[float]]) -> str:
+    true, false = sum(row["true"]), sum(row["false"])
+    error = np.abs(row["dimension"]) if row["dimension"] else np.array([np.nan])
+    return (
+        f"precision {true / max(true + false, 1):.3f} recall {np.mean(row['hit']) if row['hit'] else np.nan:.3f} "
+        f"kind {np.mean(row['kind'] or [np.nan]):.3f} shape {np.mean(row['shape'] or [np.nan]):.3f} "
+        f"groups {np.mean(row['groups'] or [np.nan]):.3f} "
+        f"dimension median {100 * np.median(error):.1f} cm p90 {100 * np.quantile(error, 0.9):.1f} cm "
+        f"place {100 * np.median(np.abs(row['place'] or [np.nan])):.1f} cm floors {np.mean(row['floors']):.2f} "
+        f"seconds {np.mean(row['seconds'] or [np.nan]):.2f}"
+    )
+
+
+def score(found: Facade, truth: dict[str, Any]) -> dict[str, list[float]]:
+    row: dict[str, list[float]] = {
+        n: [] for n in ("true", "false", "hit", "kind", "shape", "groups", "dimension", "place", "seconds")
+    }
+    boxes = np.array([[b.x0, b.z0, b.x1, b.z1] for b in found.boxes]).reshape(-1, 4)
+    # with no known length everything is compared at the true width
+    boxes = boxes * (truth["width_m"] / found.scale.width if found.scale.source == "FLOORHEIGHT" else 1.0)
+    true = np.array([e["box_m"] for e in truth["elements"]])
+    low, high = np.maximum(boxes[:, None, :2], true[None, :, :2]), np.minimum(boxes[:, None, 2:], true[None, :, 2:])
+    both = np.prod(np.clip(high - low, 0, None), axis=2)
+    area = [np.prod(b[:, 2:] - b[:, :2], axis=1) for b in (boxes, true)]
+    iou = both / (area[0][:, None] + area[1][None] - both)
+    used: dict[int, int] = {}
+    for flat in np.argsort(-iou, axis=None):
+        i, j = np.unravel_index(flat, iou.shape)
+        if iou[i, j] >= FOUND_IOU and i not in used and j not in used.values():
+            used[int(i)] = int(j)
+    hidden = np.array([e["hidden"] > HIDDEN for e in truth["elements"]])
+    row["hit"] = [float(j in used.values()) for j in range(len(true)) if not hidden[j]]
+    for i, box in enumerate(found.boxes):
+        j = used.get(i)
+        if j is None:
+            row["false"].append(1.0)
+            continue
+        if hidden[j]:
+            continue
+        element = truth["elements"][j]
+        row["true"].append(1.0)
+        row["kind"].append(float(box.kind == element["kind"]))
+        row["shape"].append(float((box.rise > 0) == (element["rise_m"] > 0.1)))
+        row["dimension"] += [*((boxes[i, 2:] - boxes[i, :2]) - (true[j, 2:] - true[j, :2]))]
+        row["place"] += [*(0.5 * (boxes[i, 2:] + boxes[i, :2]) - 0.5 * (true[j, 2:] + true[j, :2]))]
+    pairs = [(a, b) for a in used for b in used if a < b]
+    row["groups"] = [
+        float(
+            (found.boxes[a].type == found.boxes[b].type)
+            == (truth["elements"][used[a]]["type"] == truth["elements"][used[b]]["type"])
+        )
+        for a, b in pairs
+    ]
+    row["floors"] = [float(len(found.levels) == len(truth["levels_m"]))]
+    return row
+
+
+if __name__ == "__main__":
+    main()
