@@ -35,7 +35,7 @@ def write_facade_report(folder: str | Path, made: Mockup) -> Path:
         scale = facade.scale
         sections.append(Section(
             f"Facade {number}: profiles",
-            f"{Path(facade.image).name}, rectified. At the borders: how much straight edges change the picture, summed along the "
+            f"{Path(facade.image).name}, rectified. At the borders: how much straight edges change the picture along the "
             f"other direction. The elements are {facade.arrangement_x} along x and {facade.arrangement_z} along z. "
             "Plants are marked green.", drawing=_image(profile_picture(facade)),
         ))  # fmt: skip
