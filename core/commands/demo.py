@@ -19,6 +19,8 @@ DEMO_VOXEL_M = 0.03
 """Voxels of the demo: as coarse as its scanner's returns lie apart."""
 DEMO_SPACING_M = 0.05
 """Query positions of the demo: close enough to look at."""
+DEMO_CHANGE_SPACING_M = 0.1
+"""Query positions of the comparison of epochs, as in ``scripts/bench_change.py``; the voxels are finer."""
 
 
 def _demo(values: Values, progress: Progress) -> Outcome:
@@ -82,7 +84,7 @@ def _later(
 
     scan = make_later_epoch(folder, values["seed"], progress=progress.part(0.0, 0.3))
     options = ChangeOptions(
-        voxel=DEMO_VOXEL_M, sample_spacing=DEMO_SPACING_M, threads=values["threads"], memory_gb=values["memory_gb"],
+        voxel=DEMO_VOXEL_M, sample_spacing=DEMO_CHANGE_SPACING_M, threads=values["threads"], memory_gb=values["memory_gb"],
         cache=not values["no_cache"],
     )
     result = change(files.model, [[scan]], [files.scan], options, progress.part(0.3, 1.0))
