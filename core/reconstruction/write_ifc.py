@@ -62,9 +62,10 @@ class _Writer:
         self.file: Any = self.api.project.create_file("IFC4")
         f = self.file
         self.project = self.api.root.create_entity(f, "IfcProject", name="Reconstruction")
-        self.api.unit.assign_unit(f, units=[
+        units = [
             self.api.unit.add_si_unit(f, unit_type=kind) for kind in ("LENGTHUNIT", "AREAUNIT", "VOLUMEUNIT", "PLANEANGLEUNIT")
-        ])
+        ]
+        self.api.unit.assign_unit(f, units=units).Units = units  # the call itself leaves them in an order of chance
         model = self.api.context.add_context(f, context_type="Model")
         plan = self.api.context.add_context(f, context_type="Plan")
         self.body = self.api.context.add_context(

@@ -166,7 +166,7 @@ class HouseBuilder:
             api.unit.add_si_unit(self.file, "VOLUMEUNIT"),
             api.unit.add_si_unit(self.file, "PLANEANGLEUNIT"),
         ]
-        api.unit.assign_unit(self.file, units=units)
+        api.unit.assign_unit(self.file, units=units).Units = units  # the call itself leaves them in an order of chance
         model = api.context.add_context(self.file, context_type="Model")
         self.body = api.context.add_context(
             self.file, context_type="Model", context_identifier="Body", target_view="MODEL_VIEW", parent=model
