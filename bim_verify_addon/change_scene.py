@@ -65,10 +65,7 @@ def forget(target: bpy.types.Scene) -> None:
 
 def _remove_voxels(target: bpy.types.Scene) -> None:
     for old in [item for item in target.objects if VOXEL_KEY in item]:
-        mesh = old.data
-        bpy.data.objects.remove(old)
-        if mesh.users == 0:
-            bpy.data.meshes.remove(mesh)
+        scene.remove(old)
 
 
 def state_now(item: bpy.types.Object) -> str:

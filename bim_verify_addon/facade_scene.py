@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -52,13 +50,14 @@ def show_mockup(target: bpy.types.Scene, made: Mockup) -> None:
 def read_mockup(target: bpy.types.Scene) -> Mockup:
     """The mock-up that the rectangles make now. Raises BimVerifyError when none is left."""
     from ..core.facade.correct import corrected
+    from ..core.facade.mockup import wall_base
     from ..core.facade.records import FacadeBox
 
     data = json.loads(target[DATA_KEY])
     footprint = None if data["footprint"] is None else np.array(data["footprint"], dtype=np.float64)
     place = frame.stored(target) or frame.ViewFrame()
     boxes: list[list[Any]] = [[] for _ in data["facades"]]
-    bases = [base_of(footprint, k) for k in range(len(boxes))]
+    bases = [wall_base(footprint, k) for k in range(len(boxes))]
     bpy.context.view_layer.update()
     for item in target.objects:
         index = item.get(BOX_KEY)
@@ -76,21 +75,10 @@ def read_mockup(target: bpy.types.Scene) -> Mockup:
     return corrected(data["facades"], boxes, footprint)
 
 
-def base_of(footprint: NDArray[np.float64] | None, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Left lower end (2,) of a facade and the unit vector (2,) along it."""
-    if footprint is None:
-        return np.zeros(2), np.array([1.0, 0.0])
-    a, b = footprint[index], footprint[(index + 1) % len(footprint)]
-    return a, (b - a) / np.linalg.norm(b - a)
-
-
 def clear(target: bpy.types.Scene) -> None:
     """Take away what stands for facades."""
     for item in [i for i in target.objects if BOX_KEY in i or PHOTO_KEY in i]:
-        data = item.data
-        bpy.data.objects.remove(item)
-        if isinstance(data, bpy.types.Mesh) and data.users == 0:
-            bpy.data.meshes.remove(data)
+        scene.remove(item)
 
 
 def show(target: bpy.types.Scene, result: object) -> bool:
@@ -99,12 +87,7 @@ def show(target: bpy.types.Scene, result: object) -> bool:
 
     if not isinstance(result, Mockup):
         return False
-    from ..core.model.load import load_model
-
-    with tempfile.TemporaryDirectory(prefix="bim_verify_") as folder:
-        path = Path(folder) / "mockup.ifc"
-        mockup_file(result).write(str(path))
-        model = load_model(path, cache=False)
+    model = project.model_of(mockup_file(result))
     project.adopt_frame(target, model)
     scene.show_model(target, model)
     show_mockup(target, result)

@@ -55,12 +55,7 @@ def show_photos(target: bpy.types.Scene, result: CoregistrationResult) -> str:
 def clear(target: bpy.types.Scene) -> None:
     """Take away what stands for photos."""
     for item in [i for i in target.objects if PHOTO_KEY in i]:
-        data = item.data
-        bpy.data.objects.remove(item)
-        if isinstance(data, bpy.types.Mesh) and data.users == 0:
-            bpy.data.meshes.remove(data)
-        elif isinstance(data, bpy.types.Camera) and data.users == 0:
-            bpy.data.cameras.remove(data)
+        scene.remove(item)
 
 
 def show(target: bpy.types.Scene, result: object) -> bool:

@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
@@ -101,6 +101,16 @@ def model_loader(scene: bpy.types.Scene, path: str = "") -> Callable[[Progress],
         return loaded if loaded is not None and loaded.content_hash == model.content_hash else model
 
     return load
+
+
+def model_of(file: Any) -> BuildingModel:
+    """The model in an ``ifcopenshell.file`` that stands nowhere on disk."""
+    from ..core.model.load import load_model
+
+    with tempfile.TemporaryDirectory(prefix="bim_verify_") as folder:
+        path = Path(folder) / "model.ifc"
+        file.write(str(path))
+        return load_model(path, cache=False)
 
 
 def adopt_frame(scene: bpy.types.Scene, model: BuildingModel | None, cloud: NDArray[np.float64] | None = None) -> None:

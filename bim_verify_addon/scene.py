@@ -66,7 +66,7 @@ def show_model(scene: bpy.types.Scene, model: BuildingModel) -> None:
         mesh = _mesh(object_name(element), model.vertices[used], corner.reshape(-1, 3))
         _put_element(scene, existing.pop(element.global_id, None), element, mesh, model.origin, place)
     for item in existing.values():
-        _remove(item)
+        remove(item)
 
 
 def show_result(
@@ -129,7 +129,7 @@ def show_scan(
 def remove_scan(scene: bpy.types.Scene, path: str) -> None:
     """Remove the display cloud of this file."""
     for old in [item for item in scan_objects(scene) if item[SCAN_KEY] == path]:
-        _remove(old)
+        remove(old)
 
 
 def move_scans(scene: bpy.types.Scene, transform: NDArray[np.float64]) -> None:
@@ -244,11 +244,14 @@ def replace_mesh(item: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
         bpy.data.meshes.remove(old)
 
 
-def _remove(item: bpy.types.Object) -> None:
-    mesh = item.data
+def remove(item: bpy.types.Object) -> None:
+    """Remove an object, and its mesh or camera if nothing else has it."""
+    data = item.data
     bpy.data.objects.remove(item)
-    if mesh.users == 0:
-        bpy.data.meshes.remove(mesh)
+    if isinstance(data, bpy.types.Mesh) and data.users == 0:
+        bpy.data.meshes.remove(data)
+    elif isinstance(data, bpy.types.Camera) and data.users == 0:
+        bpy.data.cameras.remove(data)
 
 
 def make_active_color(mesh: bpy.types.Mesh) -> None:

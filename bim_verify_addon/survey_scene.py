@@ -162,10 +162,7 @@ def show_stations(target: bpy.types.Scene, markers: Sequence[Marker], *, planned
     A marker is a double cone at the scanner's centre: below it, what the scanner cannot see.
     """
     for old in [item for item in target.objects if STATION_KEY in item and bool(item.get("planned")) == planned]:
-        mesh = old.data
-        bpy.data.objects.remove(old)
-        if mesh.users == 0:
-            bpy.data.meshes.remove(mesh)
+        scene.remove(old)
     place = frame.stored(target) or frame.ViewFrame()
     for marker in markers:
         item = bpy.data.objects.new(marker.name, _cone(marker))

@@ -48,10 +48,7 @@ def show_displacement(target: bpy.types.Scene, result: DisplacementResult) -> st
 def forget(target: bpy.types.Scene) -> None:
     """Remove the wall."""
     for item in columns(target):
-        mesh = item.data
-        bpy.data.objects.remove(item)
-        if mesh.users == 0:
-            bpy.data.meshes.remove(mesh)
+        scene.remove(item)
     for key in (SUMMARY_KEY, LIMIT_KEY):
         target.pop(key, None)
 

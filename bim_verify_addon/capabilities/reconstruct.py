@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -39,14 +38,10 @@ def show(scene: bpy.types.Scene, result: Any) -> bool:
 
     if not isinstance(result, Reconstruction):
         return False
-    from ...core.model.load import load_model
     from ...core.reconstruction.summary import summary_lines
     from ...core.reconstruction.write_ifc import building_file
 
-    with tempfile.TemporaryDirectory(prefix="bim_verify_") as folder:
-        path = Path(folder) / "reconstructed.ifc"
-        building_file(result).write(str(path))
-        model = load_model(path, cache=False)
+    model = project.model_of(building_file(result))
     for scan in result.scan_paths:
         entry = scene.bim_verify.scans.add()
         entry.path, entry.name = str(Path(scan).resolve()), Path(scan).name

@@ -43,10 +43,15 @@ class Mockup:
 
     def base(self, index: int) -> tuple[Array, Array]:
         """Left lower end (2,) of a facade seen from outside, and the unit vector (2,) along it."""
-        if self.footprint is None:
-            return np.zeros(2), np.array([1.0, 0.0])
-        a, b = self.footprint[index], self.footprint[(index + 1) % len(self.footprint)]
-        return a, (b - a) / np.linalg.norm(b - a)
+        return wall_base(self.footprint, index)
+
+
+def wall_base(footprint: Array | None, index: int) -> tuple[Array, Array]:
+    """Left lower end (2,) of a wall seen from outside, and the unit vector (2,) along it; see ``Mockup.footprint``."""
+    if footprint is None:
+        return np.zeros(2), np.array([1.0, 0.0])
+    a, b = footprint[index], footprint[(index + 1) % len(footprint)]
+    return a, (b - a) / np.linalg.norm(b - a)
 
 
 def mockup(facades: list[Facade], footprint: Array | None = None, thickness: float = THICKNESS_M) -> Mockup:

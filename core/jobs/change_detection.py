@@ -77,7 +77,7 @@ def change(
         solids = voxelise(model, grid, progress.part(0.08, 0.15))
         watch.lap("solids")
         samples = sample_surface(model, options.sample_spacing, scene=(scene := RayScene(model)), cache=options.cache)
-        parts = _parts(model)
+        plans, parts = _stated(model)
         watch.lap("query positions")
         campaigns = [*([reference] if reference is not None else []), *epochs]
         names = [*(["reference"] if reference is not None else []), *_names(len(epochs))]
@@ -108,7 +108,7 @@ def change(
         ]
         watch.lap("free space")
         progress.update(0.92, "Comparing")
-        result = _compare(model, solids, world, views, seen, reference is not None, options, watch)
+        result = _compare(model, solids, world, views, seen, reference is not None, plans, options, watch)
         watch.lap("comparison")
         return result
 
@@ -135,13 +135,12 @@ def _names(count: int) -> list[str]:
 
 def _compare(
     model: BuildingModel, solids: SolidVoxels, world: Universe, views: list[_View], seen: list[Observation],
-    has_reference: bool, options: ChangeOptions, watch: Stopwatch,
+    has_reference: bool, plans: tuple[Planned, ...], options: ChangeOptions, watch: Stopwatch,
 ) -> ChangeResult:
     edge = solids.grid.edge
     now, before = views[-1], views[0] if has_reference else None
     state = _states(world, seen[-1], seen[0] if has_reference else None)
     day = parse_date(options.date or now.date)
-    plans = _plans(model)
     elements = _elements(model, solids, world, state, now.sight, before.sight if before else None, plans, day)
     anything = np.zeros(state.shape, np.bool_)
     for epoch in seen:
@@ -219,16 +218,15 @@ def _shift(now: Any, before: Any) -> float | None:
     return float(np.linalg.norm(np.array(now.shift) - np.array(before.shift)))
 
 
-def _plans(model: BuildingModel) -> tuple[Planned, ...]:
+def _stated(model: BuildingModel) -> tuple[tuple[Planned, ...], Parts]:
+    """What the file says of each element beside its shape: when it is to stand, and what it is a part of."""
     if not model.path or not Path(model.path).exists():
-        return tuple(Planned() for _ in model.elements)
-    return read_planned(open_ifc(model.path), [(e.step_id, e.global_id) for e in model.elements])
-
-
-def _parts(model: BuildingModel) -> Parts:
-    if not model.path or not Path(model.path).exists():
-        return frozenset()
-    return read_parts(open_ifc(model.path), [e.step_id for e in model.elements])
+        return tuple(Planned() for _ in model.elements), frozenset()
+    file = open_ifc(model.path)
+    return (
+        read_planned(file, [(e.step_id, e.global_id) for e in model.elements]),
+        read_parts(file, [e.step_id for e in model.elements]),
+    )
 
 
 def _record(model: BuildingModel, view: _View) -> EpochRecord:

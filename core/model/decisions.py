@@ -15,7 +15,7 @@ from ..errors import BimVerifyError
 from ..files import whole_file
 from ..results import STATUSES, Decision
 from .load import open_ifc
-from .write_psets import LONGEST_LABEL, element_by_id, own_set, require_owner
+from .write_psets import LONGEST_LABEL, element_by_id, own_set, plain_values, require_owner
 from .write_psets import PSET_NAME as VERIFICATION
 
 PSET_NAME = "BimVerify_Decision"
@@ -28,11 +28,7 @@ def read_decisions(file: Any) -> dict[str, Decision]:
     for pset in file.by_type("IfcPropertySet"):
         if pset.Name != PSET_NAME:
             continue
-        value = {
-            p.Name: str(p.NominalValue.wrappedValue)
-            for p in pset.HasProperties or ()
-            if p.is_a("IfcPropertySingleValue") and p.NominalValue is not None
-        }
+        value = {name: str(v) for name, v in plain_values(pset).items()}
         status = next((s for s in STATUSES if s == value.get("Status")), None)
         if status is None:
             continue

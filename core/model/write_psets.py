@@ -186,6 +186,15 @@ def element_by_id(file: Any, global_id: str, step_id: int = 0) -> Any | None:
     return None
 
 
+def plain_values(pset: Any) -> dict[str, Any]:
+    """Name -> value of the single values in a property set, in the file's units."""
+    return {
+        p.Name: p.NominalValue.wrappedValue
+        for p in pset.HasProperties or ()
+        if p.is_a("IfcPropertySingleValue") and p.NominalValue is not None
+    }
+
+
 def own_set(file: Any, product: Any, name: str = PSET_NAME) -> Any | None:
     """The element's own set of that name, safe to edit without touching anything else; extra and shared ones detached."""
     import ifcopenshell.api.pset

@@ -13,7 +13,7 @@ from ..errors import BimVerifyError
 from ..model.decisions import read_decisions
 from ..model.property_sets import ElementProperties, put_property_sets
 from ..model.write_psets import PSET_NAME as VERIFICATION
-from ..model.write_psets import own_set
+from ..model.write_psets import own_set, plain_values
 from .placements import Changed, location_of, move, put_back
 
 PSET_NAME = "BimVerify_Update"
@@ -205,11 +205,7 @@ def _with_set(file: Any, name: str) -> Iterable[tuple[Any, dict[str, Any]]]:
         pset = relation.RelatingPropertyDefinition
         if not pset.is_entity() or not pset.is_a("IfcPropertySet") or pset.Name != name:
             continue
-        values = {
-            p.Name: p.NominalValue.wrappedValue
-            for p in pset.HasProperties or ()
-            if p.is_a("IfcPropertySingleValue") and p.NominalValue is not None
-        }
+        values = plain_values(pset)
         for product in relation.RelatedObjects:
             if product.is_a("IfcProduct") and product.id() not in seen:
                 seen.add(product.id())
