@@ -17,15 +17,15 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-import cv2
 import numpy as np
+from blender_lens import photograph, place_camera, save
 from headless_entry import package
-from mathutils import Matrix, Vector
+from mathutils import Vector
 from mathutils.geometry import tessellate_polygon
 
 PACKAGE = package()
 
-from bim_verify.core.imagery.camera import Camera, Interior  # noqa: E402
+from bim_verify.core.imagery.camera import Camera  # noqa: E402
 from bim_verify.core.simulation.facade_photo import arch, street_camera, truth_of  # noqa: E402
 from bim_verify.core.simulation.facade_plan import ElementType, FacadePlan, facade_plan  # noqa: E402
 
@@ -401,20 +401,6 @@ def wall(finish: str, color: Any, rng: np.random.Generator, flat: bool = False) 
     return made
 
 
-def place_camera(camera: Camera, width: int, height: int) -> Any:
-    data = bpy.data.cameras.new("camera")
-    data.sensor_fit, data.sensor_width, data.lens = "HORIZONTAL", float(width), camera.interior.fx
-    data.clip_start = 0.1
-    item = bpy.data.objects.new("camera", data)
-    matrix = np.eye(4)
-    matrix[:3, :3] = camera.rotation.T @ np.diag([1.0, -1.0, -1.0])
-    matrix[:3, 3] = camera.position
-    item.matrix_world = Matrix([[float(v) for v in row] for row in matrix])
-    bpy.context.scene.collection.objects.link(item)
-    bpy.context.scene.camera = item
-    return item
-
-
 def look(plan: FacadePlan, camera: Camera, plants: list[Any]) -> tuple[list[float], Any]:
     """Per element the share that something before the wall hides; where plants are, every ``GRID`` pixels."""
     bpy.context.view_layer.update()
@@ -446,24 +432,10 @@ def look(plan: FacadePlan, camera: Camera, plants: list[Any]) -> tuple[list[floa
 
 def picture(camera: Camera, path: Path, rng: np.random.Generator) -> None:
     """Render the ideal image wide enough, bend it as the lens does, add the sensor's noise."""
-    lens: Interior = camera.interior
-    scene = bpy.context.scene
-    width, height = round(MARGIN * lens.width), round(MARGIN * lens.height)
-    place_camera(camera, width, height)
-    scene.render.resolution_x, scene.render.resolution_y = width, height
-    scene.render.filepath = str(path.with_suffix(".ideal.png"))
-    scene.render.image_settings.file_format = "PNG"
-    scene.view_settings.exposure = float(rng.uniform(0.2, 0.9))
-    bpy.ops.render.render(write_still=True)
-    ideal = cv2.imread(scene.render.filepath, cv2.IMREAD_COLOR)
-    Path(scene.render.filepath).unlink()
-    x, y = np.meshgrid(np.arange(lens.width, dtype=np.float64), np.arange(lens.height, dtype=np.float64))
-    straight = lens.undistort(np.column_stack([x.ravel(), y.ravel()]))
-    u = (straight[:, 0] - lens.cx + (width - 1) / 2).reshape(x.shape).astype(np.float32)
-    v = (straight[:, 1] - lens.cy + (height - 1) / 2).reshape(x.shape).astype(np.float32)
-    seen = cv2.remap(ideal, u, v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT).astype(np.float64)
-    seen += rng.normal(0, rng.uniform(1.0, 4.0), seen.shape)
-    cv2.imwrite(str(path), np.clip(seen, 0, 255).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 92])
+    place_camera(camera, MARGIN, 0.1)
+    bpy.context.scene.view_settings.exposure = float(rng.uniform(0.2, 0.9))
+    seen = photograph(camera, path)
+    save(path, seen, rng.uniform(1.0, 4.0), rng)
 
 
 if __name__ == "__main__":

@@ -17,10 +17,9 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-import cv2
 import numpy as np
+from blender_lens import photograph, place_camera, save
 from headless_entry import package
-from mathutils import Matrix
 
 PACKAGE = package()
 
@@ -158,36 +157,13 @@ def material(key: str, rng: np.random.Generator, glass: bool) -> Any:
 
 def picture(camera: Camera, path: Path, rng: np.random.Generator) -> None:
     """Render the ideal image wide enough, bend it as the lens does, add the sensor's noise."""
-    lens, scene = camera.interior, bpy.context.scene
-    width, height = round(MARGIN * lens.width), round(MARGIN * lens.height)
-    data = bpy.data.cameras.new("camera")
-    data.sensor_fit, data.sensor_width, data.lens = "HORIZONTAL", float(width), lens.fx
-    data.clip_start = 0.02
-    item = bpy.data.objects.new("camera", data)
-    matrix = np.eye(4)
-    matrix[:3, :3] = camera.rotation.T @ np.diag([1.0, -1.0, -1.0])
-    matrix[:3, 3] = camera.position
-    item.matrix_world = Matrix([[float(v) for v in row] for row in matrix])
-    scene.collection.objects.link(item)
+    item = place_camera(camera, MARGIN, 0.02)
     lamp_data = bpy.data.lights.new("lamp", "POINT")
     lamp_data.energy, lamp_data.shadow_soft_size = FLASH_W, 0.1
     lamp = bpy.data.objects.new("lamp", lamp_data)
     lamp.location = [float(v) for v in camera.position + FLASH_ABOVE_M * np.array([0.3, 0.2, 1.0])]
-    scene.collection.objects.link(lamp)
-    scene.camera = item
-    scene.render.resolution_x, scene.render.resolution_y = width, height
-    scene.render.filepath = str(path.with_suffix(".ideal.png"))
-    scene.render.image_settings.file_format = "PNG"
-    bpy.ops.render.render(write_still=True)
-    ideal = cv2.imread(scene.render.filepath, cv2.IMREAD_COLOR)
-    Path(scene.render.filepath).unlink()
-    x, y = np.meshgrid(np.arange(lens.width, dtype=np.float64), np.arange(lens.height, dtype=np.float64))
-    straight = lens.undistort(np.column_stack([x.ravel(), y.ravel()]))
-    u = (straight[:, 0] - lens.cx + (width - 1) / 2).reshape(x.shape).astype(np.float32)
-    v = (straight[:, 1] - lens.cy + (height - 1) / 2).reshape(x.shape).astype(np.float32)
-    seen = cv2.remap(ideal, u, v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT).astype(np.float64)
-    seen += rng.normal(0, 2.0, seen.shape)
-    cv2.imwrite(str(path), np.clip(seen, 0, 255).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 92])
+    bpy.context.scene.collection.objects.link(lamp)
+    save(path, photograph(camera, path), 2.0, rng)
     for thing in (item, lamp):
         bpy.data.objects.remove(thing, do_unlink=True)
 
