@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import erf
+from scipy.special import ndtr
 
 from ..options import FusionRule
 from ..results import SampleEvidence
 from .fusion import RULES, from_log_commonality
 from .sightings import Sightings
-
-
-def station_reliability(half_zone: float, shared_sigma: float, cap: float) -> float:
-    """Probability that a station's shared error (registration, calibration) stays inside the occupied zone, at most cap."""
-    inside = 1.0 if shared_sigma <= 0 else float(erf(half_zone / (math.sqrt(2.0) * shared_sigma)))
-    return cap * inside
 
 
 def fuse_samples(
@@ -26,15 +18,16 @@ def fuse_samples(
 ) -> SampleEvidence:
     """Fuse all sightings (any order) of ``count`` query positions.
 
-    ``station`` fuses the returns of a station by Dempster's rule, discounts the outcome by the station's shared error and
-    fuses the stations by Dempster's rule. The named rules fuse all returns of all stations at once.
+    ``station`` fuses the returns of a station by Dempster's rule, discounts the outcome by where the surface that the
+    station saw lies (``_contextual_discount``) and fuses the stations by Dempster's rule. The named rules fuse all returns of
+    all stations at once.
     """
     own = sightings.rows(sightings.on_face & ~(sightings.glass & (sightings.deviation < -window)))
     logs = own.log_masses
     if rule == "station":
         masses, _ = from_log_commonality(logs[:, 0], logs[:, 1], logs[:, 2])
-        kept = station_reliability(half_zone, shared_sigma, cap)
-        occ, emp = kept * masses[:, 0], kept * masses[:, 1]
+        spread = np.sqrt(_deviation_variance(own, sigma) + shared_sigma**2)
+        occ, emp = cap * _contextual_discount(masses, own.deviation, spread, half_zone)
         logs = np.column_stack([np.log1p(-emp), np.log1p(-occ), np.log(1.0 - occ - emp)])
     total = np.column_stack([np.bincount(own.sample, logs[:, k], minlength=count).astype(np.float64) for k in range(3)])
     fused, conflict = from_log_commonality(total[:, 0], total[:, 1], total[:, 2])
@@ -49,13 +42,30 @@ def fuse_samples(
     )
 
 
+def _contextual_discount(
+    masses: NDArray[np.float64], deviation: NDArray[np.float64], spread: NDArray[np.float64], half_zone: float
+) -> NDArray[np.float64]:
+    """(2, M) what is kept of a station's occupied and empty masses, after Mercier et al. (2008).
+
+    The mass of occupied is kept with the probability that the surface seen lies within ``half_zone`` of the plan, that of
+    empty with the probability that it lies beyond; the rest becomes unknown. masses (M, 3); deviation (M,), its standard
+    deviation ``spread`` (M,), which holds the error that a station's returns share, and ``half_zone``: metres along the normal.
+    """
+    near = ndtr((-half_zone - deviation) / spread)
+    return np.stack([masses[:, 0] * (ndtr((half_zone - deviation) / spread) - near), masses[:, 1] * near])
+
+
+def _deviation_variance(seen: Sightings, sigma: float) -> NDArray[np.float64]:
+    """(M,) of the mean of the returns of a sighting along the normal, square metres."""
+    return (sigma * np.maximum(seen.cosine.astype(np.float64), 0.2)) ** 2 / np.maximum(seen.count, 1)
+
+
 def _local_deviation(
     count: int, own: Sightings, sigma: float, window: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Weighted mean of the stations' deviations (N,) and its standard deviation (N,), metres; NaN without any."""
     near = own.rows((np.abs(own.deviation) <= window) & ~own.explained)
-    variance = (sigma * np.maximum(near.cosine.astype(np.float64), 0.2)) ** 2 / np.maximum(near.count, 1)
-    weight = 1.0 / variance
+    weight = 1.0 / _deviation_variance(near, sigma)
     total = np.bincount(near.sample, weight, minlength=count)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.bincount(near.sample, weight * near.deviation, minlength=count) / total

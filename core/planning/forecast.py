@@ -7,7 +7,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..evidence.fuse_samples import station_reliability
 from ..evidence.thresholds import Thresholds
 from ..model.elements import BuildingModel
 from ..model.samples import SurfaceSamples
@@ -32,9 +31,9 @@ def station_belief(options: PlanOptions) -> float:
     Its returns alone leave nothing unknown; what remains is the reliability of the station: the chance that its
     registration error stays inside the occupied zone, and the cap on any single station.
     """
-    return station_reliability(
-        ZONE_SIGMAS * level_sigma(options.loa), options.registration_sigma, Thresholds.conflict_cap
-    )
+    zone = ZONE_SIGMAS * level_sigma(options.loa)
+    inside = 1.0 if options.registration_sigma <= 0 else math.erf(zone / (math.sqrt(2.0) * options.registration_sigma))
+    return Thresholds.conflict_cap * inside
 
 
 def forecast(

@@ -261,15 +261,17 @@ def test_a_given_registration_error_is_used(source: ArraySource) -> None:
     assert sigma is not None and 0.001 < sigma < 0.0045
 
 
-@pytest.mark.parametrize("fusion", ["dempster", "yager"])
-def test_the_named_rules_reach_the_same_verdicts(fusion: str, source: ArraySource, result: VerificationResult) -> None:
-    """Yager's rule counts conflict as unknown, so it may state less coverage; what was decided stays."""
-    found = verified(source, fusion=fusion)
-    if fusion == "yager":
-        assert all(b.coverage <= a.coverage + 0.01 for a, b in zip(result.verdicts, found.verdicts, strict=True))
-    same_verdicts(result, found, coverage=fusion != "yager")
-    e = found.evidence
-    np.testing.assert_allclose(e.m_occ + e.m_emp + e.m_unk, 1.0, atol=1e-6)
+def test_the_named_rules_reach_the_same_verdicts(source: ArraySource, result: VerificationResult) -> None:
+    """Dempster's rule over all returns claims most. The default takes back what grazing returns say of a surface that is
+    elsewhere, Yager's rule what is in conflict."""
+    dempster, yager = (verified(source, fusion=rule) for rule in ("dempster", "yager"))
+    for found in (dempster, yager):
+        same_verdicts(result, found, coverage=False)
+        e = found.evidence
+        np.testing.assert_allclose(e.m_occ + e.m_emp + e.m_unk, 1.0, atol=1e-6)
+    for default, most, careful in zip(result.verdicts, dempster.verdicts, yager.verdicts, strict=True):
+        assert default.coverage <= most.coverage + 1e-3
+        assert careful.coverage <= most.coverage + 1e-3
 
 
 def test_a_named_preset(source: ArraySource) -> None:
