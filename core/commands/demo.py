@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..files import all_or_none
 from ..options import ChangeOptions, VerifyOptions
 from ..progress import Progress
 from .table import COMMON, Argument, Command, Outcome, Values
@@ -26,8 +27,18 @@ DEMO_CHANGE_SPACING_M = 0.1
 def _demo(values: Values, progress: Progress) -> Outcome:
     from ..simulation.rehearsal import kernels_ahead
 
+    house = progress.part(0.0, 0.4) if values["all"] else progress
     with kernels_ahead():
-        return _both_epochs(values, progress)
+        outcome = _both_epochs(values, house)
+    if not values["all"] or outcome.write is None:
+        return outcome
+    from .demo_tour import tour
+
+    with all_or_none():
+        outcome.write()
+        house.check()
+    lines = list(tour(Path(values["out"]), values, progress.part(0.4, 1.0)))
+    return Outcome([*outcome.lines, *lines], outcome.data, outcome.result)
 
 
 def _both_epochs(values: Values, progress: Progress) -> Outcome:
@@ -103,6 +114,7 @@ COMMAND = Command(
     (
         Argument("--out", "folder to write to", str, "demo"),
         Argument("--seed", "seed of the simulated scan", int, 1),
+        Argument("--all", "show every other command too: some minutes more", flag=True),
         *COMMON,
     ),
     _demo,

@@ -52,6 +52,10 @@ class Command:
     arguments: tuple[Argument, ...]
     run: Callable[[Values, Progress], Outcome]
 
+    def defaults(self) -> Values:
+        """What ``run`` takes when nothing is given."""
+        return {argument.key: False if argument.flag else argument.default for argument in self.arguments}
+
 
 COMMON = (
     Argument("--json", "write what was found to this file"),
