@@ -46,7 +46,7 @@ def tour(folder: Path, shared: Values, progress: Progress) -> Iterator[str]:
 
 def _stops(folder: Path, model: BuildingModel, seed: int) -> Iterator[Stop]:
     """Lazily, so that each stop's files are made just before it."""
-    from ..simulation.tour_files import write_facade_photo, write_room_photos
+    from ..simulation.tour_files import write_facade_photo, write_house_photos
     from ..simulation.wall_example import GUID, write_wall_example
 
     house, scan = str(folder / "house.ifc"), str(folder / "scan.e57")
@@ -65,7 +65,7 @@ def _stops(folder: Path, model: BuildingModel, seed: int) -> Iterator[Stop]:
     yield "A model from the scan alone", reconstruct.COMMAND, {
         "scan": [scan], "out": str(folder / "reconstructed.ifc"), "compare": house, "report": str(folder / "reconstruct"),
     }
-    photos = write_room_photos(model, folder / "photos", seed)
+    photos = write_house_photos(model, folder / "photos", seed)
     yield "Photos placed on the model", coregister.COMMAND, {
         "model": house, "image": [str(path) for path in photos.images], "cameras": str(photos.cameras),
         "out": str(folder / "photos" / "cameras_refined.json"), "report": str(folder / "coregister"),

@@ -1,4 +1,4 @@
-"""What the demo's tour needs beside the house: photos of its rooms, a photo of a street front, a wall that moved."""
+"""What the demo's tour needs beside the house: photos of it, a photo of a street front, a wall that moved."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ class FacadePhoto:
 
 
 @dataclass(frozen=True)
-class RoomPhotos:
+class HousePhotos:
     """Photos of the house as it was built, and the cameras file with their coarse poses."""
 
     images: tuple[Path, ...]
     cameras: Path
 
 
-def write_room_photos(model: BuildingModel, folder: str | Path, seed: int, count: int = 2) -> RoomPhotos:
-    """``room_0.png``, ... and ``cameras.json`` in ``folder``: the demo house as built, from inside."""
+def write_house_photos(model: BuildingModel, folder: str | Path, seed: int, count: int = 2) -> HousePhotos:
+    """``house_0.png``, ... and ``cameras.json`` in ``folder``: the demo house as built."""
     folder = make_folder(folder)
     random = np.random.default_rng((seed, 41))
     shift = np.zeros((len(model.elements), 3))
@@ -53,7 +53,7 @@ def write_room_photos(model: BuildingModel, folder: str | Path, seed: int, count
         shift[row] = edit.vector if edit.kind == "shift" else (0.0, 0.0, -1000.0)
     images, entries = [], []
     for number, camera in enumerate(view_points(model, LENS, count, random)):
-        image = folder / f"room_{number}.png"
+        image = folder / f"house_{number}.png"
         with whole_file(image) as temporary:
             Image.fromarray(photograph(model, camera, shift=shift, seed=seed + number)).save(temporary, format="PNG")
         turn, move = np.radians(random.normal(0.0, COARSE_DEG, 3)), random.normal(0.0, COARSE_M, 3)
@@ -69,7 +69,7 @@ def write_room_photos(model: BuildingModel, folder: str | Path, seed: int, count
     }
     with whole_file(cameras) as temporary:
         temporary.write_text(json.dumps(content, indent=1), encoding="ascii")
-    return RoomPhotos(tuple(images), cameras)
+    return HousePhotos(tuple(images), cameras)
 
 
 def write_facade_photo(folder: str | Path) -> FacadePhoto:
