@@ -6,8 +6,8 @@ import itertools
 
 import numpy as np
 
-from .boxes import PixelBox
 from .features import Features
+from .pixel_box import PixelBox
 from .records import FacadeBox, Kind
 
 SILL_M = 0.22

@@ -18,6 +18,8 @@ STRIP_M = 2.2
 ENDS_SHARE = 1.0
 """How much the ends of the wall count, compared with all between them."""
 BIN = 5.0
+LEAST_DISTANCE = 7.0
+"""CIE Lab units: a change that a person sees at once."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
-from .boxes import PixelBox, find_boxes, groups
+from .boxes import find_boxes
 from .classify import (
     STOREY_SIGMA,
     TYPICAL_STOREY_M,
@@ -20,6 +20,7 @@ from .classify import (
     kind_of,
 )
 from .features import Features, features
+from .pixel_box import PixelBox, groups
 from .records import Arrangement, Array, Facade, FacadeBox, Scale
 from .rectify import CORNER_SIGMA_PX, aspect_ratio, order_corners, rectify
 
