@@ -15,9 +15,13 @@ INWARD_M, OUTWARD_M = 0.24, 0.10
 """How far from what was found in colour the edge of the opening is looked for: surrounds and sills lie outside it."""
 OUTER_SHARE = 0.3
 """The outermost edge that has this share of the strongest one: the wall's, not that of the reveal or the frame."""
+FAINT_SHARE = 0.12
+"""The other edge of a surround, where one of the two is strong."""
 IN_LINE_M = 0.12
 SURROUND_M, EQUAL_M = (0.085, 0.26), 0.035
-SILL_M, SILL_OUT_M, SILL_SHARE = 0.14, 0.07, 0.4
+OUTLINE_M = 0.07
+"""Where the outline in colour has no straight edge within this, the edge is weak."""
+SILL_M, SILL_OUT_M, SILL_SHARE = 0.2, 0.07, 0.4
 
 
 def set_to_edges(seen: Features, boxes: list[PixelBox]) -> list[PixelBox]:
@@ -28,16 +32,31 @@ def set_to_edges(seen: Features, boxes: list[PixelBox]) -> list[PixelBox]:
     """
     own = [k for k, b in enumerate(boxes) if not b.inferred]
     out, scale = list(boxes), seen.scale
-    found = {side: _lines_of(seen, boxes, own, side) for side in ("x0", "x1", "y0", "y1")}
+    found = {side: _lines_of(seen, boxes, own, side, OUTER_SHARE) for side in ("x0", "x1", "y0", "y1")}
+    faint = {side: _lines_of(seen, boxes, own, side, FAINT_SHARE) for side in ("x0", "x1")}
     for row in groups([boxes[k] for k in own], "y", scale):
         members = [own[k] for k in row]
-        widths = [w for k in members if (w := _surround(found["x0"][k], found["x1"][k], scale)) is not None]
-        surround = float(np.median(widths)) if len(widths) > 0.5 * len(members) else 0.0
-        sill = np.median([_reaches_out(seen, boxes[k], found, k) for k in members]) > SILL_SHARE
+        seen_at = {
+            side: {k: _with_outline(found[side][k], getattr(boxes[k], side), side, scale) for k in members}
+            for side in ("x0", "x1", "y0")
+        }
+        widths = []
         for k in members:
-            places: Any = {side: _behind(found[side][k], surround, scale) for side in found}
-            if sill and len(found["y1"][k]) > 1 and found["y1"][k][0] - found["y1"][k][1] < SILL_M * scale:
-                places["y1"] = found["y1"][k][1]
+            strong = seen_at["x0"][k], seen_at["x1"][k]
+            width = _surround(strong[0], faint["x1"][k], scale) or _surround(faint["x0"][k], strong[1], scale)
+            widths += [width] if width else []
+        surround = float(np.median(widths)) if len(widths) > 0.5 * len(members) else 0.0
+        sill = _sill(seen, boxes, found, members)
+        for k in members:
+            places: Any = {side: found[side][k][0] for side in found}
+            if surround:
+                places |= {side: _behind(lines[k], surround, scale) for side, lines in seen_at.items()}
+                for side, lines in faint.items():
+                    if places[side] in (found[side][k][0], seen_at[side][k][0]):
+                        places[side] = _behind(lines[k], surround, scale)
+                places["y1"] = _behind(found["y1"][k], surround, scale)
+            if sill is not None and places["y1"] == found["y1"][k][0]:
+                places["y1"] = sill
             foot = seen.distance.shape[0] - boxes[k].y1 < 0.15 * scale
             if foot:
                 places["y1"] = float(seen.distance.shape[0])
@@ -46,9 +65,19 @@ def set_to_edges(seen: Features, boxes: list[PixelBox]) -> list[PixelBox]:
     return out
 
 
-def _reaches_out(seen: Features, box: PixelBox, found: dict[str, dict[int, list[float]]], k: int) -> float:
-    """Strength of the lowest edge beside the box, as a share of that below it: a sill is wider than its window."""
-    row, left, right = found["y1"][k][0], found["x0"][k][0], found["x1"][k][0]
+def _sill(seen: Features, boxes: list[PixelBox], found: dict[str, dict[int, list[float]]], members: list[int]) -> float | None:
+    """Upper edge of the sill of a row of windows: the innermost edge near their foot that reaches out; None without one."""
+    lines = max((found["y1"][k] for k in members), key=len)
+    near = [v for v in lines if lines[0] - v < SILL_M * seen.scale]
+    if len(near) < 2 or np.median([_reaches_out(seen, boxes[k], found, k, near[0]) for k in members]) <= SILL_SHARE:
+        return None
+    inner = [v for v in near[1:] if np.median([_reaches_out(seen, boxes[k], found, k, v) for k in members]) > SILL_SHARE]
+    return inner[-1] if inner else near[1]
+
+
+def _reaches_out(seen: Features, box: PixelBox, found: dict[str, dict[int, list[float]]], k: int, row: float) -> float:
+    """Strength of an edge beside the box, as a share of that below it: a sill is wider than its window."""
+    left, right = found["x0"][k][0], found["x1"][k][0]
     light, reach = seen.lab[..., 0], max(0.02 * seen.scale, 1.5)
     above, below = max(round(row - reach - 0.5), 0), min(round(row + reach - 0.5), len(light) - 1)
     change = np.abs(light[above] - light[below])
@@ -63,7 +92,7 @@ def _reaches_out(seen: Features, box: PixelBox, found: dict[str, dict[int, list[
     return float(np.mean(sides)) / max(under, 1e-6) if sides else 0.0
 
 
-def _lines_of(seen: Features, boxes: list[PixelBox], own: list[int], side: str) -> dict[int, list[float]]:
+def _lines_of(seen: Features, boxes: list[PixelBox], own: list[int], side: str, share: float) -> dict[int, list[float]]:
     """For each box the places of the strong edges near one of its sides, the outermost first; shared by those in line."""
     scale, along_x = seen.scale, side[0] == "x"
     outer = -1 if side[1] == "0" else 1
@@ -88,7 +117,7 @@ def _lines_of(seen: Features, boxes: list[PixelBox], own: list[int], side: str) 
             profile = profile / max(float(part.max(initial=0.0)), 1e-6)
             total = profile if total is None else total + profile
         assert total is not None
-        lines = _peaks(total, low, high, outer) or [near]
+        lines = _peaks(total, low, high, outer, share) or [near]
         for k in members:
             out[k] = lines
     return out
@@ -101,11 +130,11 @@ def _profile(seen: Features, box: PixelBox, along_x: bool) -> NDArray[np.float32
     return np.abs(part)
 
 
-def _peaks(profile: NDArray[np.float32], low: float, high: float, outer: int) -> list[float]:
+def _peaks(profile: NDArray[np.float32], low: float, high: float, outer: int, share: float) -> list[float]:
     first, last = max(round(low), 1), min(round(high) + 1, len(profile) - 1)
     if last <= first:
         return []
-    strong = OUTER_SHARE * float(profile[first:last].max())
+    strong = share * float(profile[first:last].max())
     out = []
     for at in range(first, last):
         left, middle, right = (float(profile[k]) for k in (at - 1, at, at + 1))
@@ -126,12 +155,17 @@ def _surround(left: list[float], right: list[float], scale: float) -> float | No
     return None
 
 
+def _with_outline(lines: list[float], outline: float, side: str, scale: float) -> list[float]:
+    """The lines, and before them the outline in colour where no straight edge is at it: stone as light as the wall."""
+    inward = (lines[0] - outline) * (1 if side[1] == "0" else -1)
+    return [outline, *lines] if inward > OUTLINE_M * scale else lines
+
+
 def _behind(lines: list[float], surround: float, scale: float) -> float:
-    """The outermost line, or that at the inner edge of the surround, where there is one."""
-    if not surround:
-        return lines[0]
-    wanted = [v for v in lines if abs(abs(v - lines[0]) - surround) < 2 * EQUAL_M * scale]
-    return wanted[0] if wanted else lines[0]
+    """The inner one of two lines that are the surround's width apart, or the outermost."""
+    pairs = [(abs(abs(b - a) - surround), b) for k, a in enumerate(lines) for b in lines[k + 1 :]]
+    fit, inner = min(pairs, default=(np.inf, 0.0))
+    return inner if fit < EQUAL_M * scale else lines[0]
 
 
 def agreed(seen: Features, boxes: list[PixelBox]) -> list[PixelBox]:
