@@ -6,6 +6,7 @@ column 3 leans, column 4 moved 8 mm out.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -38,7 +39,7 @@ def write_wall_example(folder: str | Path) -> Path:
     return folder
 
 
-def _moves() -> dict[int, list[PanelMove]]:
+def _moves() -> dict[int, Sequence[PanelMove]]:
     """What each column did."""
     return {
         2: uniform(DESIGN, vertical=-0.012), 3: leaning(DESIGN, np.radians([0.3, 0.3, 0.15, 0.0]).tolist()),
