@@ -44,6 +44,8 @@ class VerifyOptions(InputOptions):
     """``derived``: kappa, c and lambda from point spacing and sensor sigma; else a named preset of sensing.presets."""
     only: tuple[str, ...] = ()
     """GlobalIds of the elements to verify; empty: all. The verdicts on others are then rough, and not to be used."""
+    dense: tuple[str, ...] = ()
+    """Files of dense points that were made with the photogrammetric project among the scans."""
     seed: int = 0
 
 

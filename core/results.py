@@ -119,6 +119,28 @@ class StationRecord:
 
 
 @dataclass(frozen=True)
+class ElementPhotos:
+    """What photogrammetric points say of one element: the columns of table 7.7 of Meyer (2023). Lengths in metres."""
+
+    global_id: str
+    name: str
+    queries: int
+    tie_points: int
+    tie_spacing: float | None
+    """Mean distance to the nearest tie point."""
+    tie_sigma: float | None
+    """Mean standard deviation of the tie points along their rays."""
+    tie_parameters: tuple[float, float, float] | None
+    """kappa [1/m2], lambda [1/m], c at the mean sigma and spacing."""
+    dense_points: int
+    dense_spacing: float | None
+    dense_sigma: float | None
+    dense_parameters: tuple[float, float, float] | None
+    confirmed: dict[int, float]
+    """Share of the observed samples confirmed at LOA40, 30, 20."""
+
+
+@dataclass(frozen=True)
 class VerificationResult:
     """Everything that one verification found."""
 
@@ -138,6 +160,8 @@ class VerificationResult:
     timings: dict[str, float] = field(default_factory=dict)
     """Seconds per stage."""
     warnings: tuple[str, ...] = ()
+    photos: tuple[ElementPhotos, ...] = ()
+    """Elements with photogrammetric points; empty without such input."""
     decisions: dict[str, Decision] = field(default_factory=dict)
     """GlobalId -> what a person decided instead."""
 

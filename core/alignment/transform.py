@@ -122,4 +122,13 @@ class TransformedSource:
         """Stream all returns of the source, offsets along the axes of the target frame."""
         turn = self.transform[:3, :3]
         for block in self.source.blocks(block_size, attributes=attributes):
-            yield replace(block, offsets=block.offsets @ turn.T)
+            normal = None if block.normal is None else block.normal @ turn.T.astype(np.float32)
+            yield replace(block, offsets=block.offsets @ turn.T, normal=normal)
+
+
+def whole_transform(source: ScanSource) -> Matrix:
+    """(4, 4) from the frame of what lies under all transforms to the frame that ``source`` comes out in."""
+    total = np.eye(4)
+    while isinstance(source, TransformedSource):
+        total, source = total @ source.transform, source.source
+    return total

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from ..errors import BimVerifyError
 from ..progress import Progress
 from .checks import check_outputs, check_report, input_options, parse_place
+from .compare_clouds import compare
 from .table import COMMON, ORIGIN, Argument, Command, Outcome, Values
 
 if TYPE_CHECKING:
@@ -34,6 +35,10 @@ def _displacement(values: Values, progress: Progress) -> Outcome:
     from ..wall_displacement.tables import displacement_to_json, summary_lines, write_joints
 
     options = displacement_options(values)
+    if values["m3c2"]:
+        if given := [f"--{k.replace('_', '-')}" for k in ("near", "model", "element", "out_ifc", "report") if values[k]]:
+            raise BimVerifyError(f"{given[0]} belongs to a panelled wall; --m3c2 compares whole clouds, so leave it out.")
+        return compare(values, progress)
     model, element, out_ifc = values["model"], values["element"], values["out_ifc"]
     if any((model, element, out_ifc)) and not all((model, element, out_ifc)):
         raise BimVerifyError("--model, --element and --out-ifc belong together: give all three, or none of them.")
@@ -68,6 +73,7 @@ COMMAND = Command(
         Argument("LATER", "scan of the later epoch, registered to the same frame", required=True),
         Argument("--out", "CSV file to write, one line a joint", required=True),
         Argument("--registration-sigma-mm", "standard deviation of the registration between the epochs", float, 1.0),
+        Argument("--m3c2", "compare whole clouds instead, a dense cloud with a scan: M3C2 distances by point", flag=True),
         Argument("--near", "X,Y,Z of a point on the wall in metres, where the scans hold several walls"),
         Argument("--model", "IFC file in which the wall is an element, in the scans' frame"),
         Argument("--element", "GlobalId of the wall in the model"),

@@ -30,6 +30,7 @@ def verify_options(values: Values) -> VerifyOptions:
         sample_spacing=values["spacing_mm"] / 1000,
         fusion=values["fusion"],
         preset=values["preset"],
+        dense=tuple(values["dense"] or ()),
         **input_options(values),
     )
 
@@ -42,7 +43,7 @@ def _verify(values: Values, progress: Progress) -> Outcome:
     from ..report.samples_ply import write_samples
 
     options = verify_options(values)
-    inputs = [values["model"], *values["scan"]]
+    inputs = [values["model"], *values["scan"], *options.dense]
     outputs = [values[key] for key in ("out", "samples", "json", *exports.KEYS) if values[key]]
     check_outputs(inputs, outputs)
     if values["report"]:
@@ -107,6 +108,7 @@ COMMAND = Command(
             ("station", "dempster", "yager", "dubois-prade"),
         ),
         Argument("--preset", "parameters of the belief masses", str, DEFAULT.preset, ("derived", *sorted(PRESETS))),
+        Argument("--dense", "dense photogrammetric points, made with the bundle project among the scans", many=True),
         Argument("--frame", "frame the scans are in", str, DEFAULT.scan_frame, ("auto", "model", "map")),
         ORIGIN,
         Argument("--samples", "PLY file of all query positions with their evidence"),

@@ -43,14 +43,15 @@ class Blocks:
         return len(self.residual)
 
 
-def block_means(sightings: Sightings, sigma: float) -> Blocks:
+def block_means(sightings: Sightings, sigma: float, body: NDArray[np.int64]) -> Blocks:
     """Blocks per face direction and station of one element; a return seen from several queries counts once.
 
-    ``sigma`` [m] is what the sensor should do; the scatter of the returns about their blocks' means outweighs it.
+    ``sigma`` [m] is what the sensor should do; the scatter of the returns about their blocks' means outweighs it. ``body``
+    (S + 1,) see ``ErrorModel``: a block's cameras count as one station.
     """
     point = sightings.point.astype(np.float64)
     normal = sightings.face_normal.astype(np.float64)
-    station = sightings.station.astype(np.int64)
+    station = body[sightings.station]
     once = np.unique(sightings.ray_key(slice(None)), return_index=True)[1]
     point, normal, station, residual = point[once], normal[once], station[once], sightings.residual[once]
     direction = np.round(normal * 3).astype(np.int64)

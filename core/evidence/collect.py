@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from ..model.on_element import ElementSurfaces
 from ..progress import Progress
 from ..scans.store import ReturnStore, in_sector
+from .dense_points import DensePoints
 from .gather import CUT, LEAST_RANGE_M, SensorModel, gather
-from .sightings import Sightings, sight
+from .sightings import PhotoStation, Sightings, sight
 from .station_index import StationIndex, build_index, median_spacing, neighbour_angles
 
 
@@ -30,10 +31,22 @@ class Queries:
     shift: NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class PhotoCampaign:
+    """What a campaign with photogrammetric points knows beyond its stations."""
+
+    body: NDArray[np.int64]
+    """(S + 1,) see ``ErrorModel.body``."""
+    sigma: float
+    """Of a usual return of the campaign, metres."""
+    dense: DensePoints | None = None
+
+
 class StationIndexes:
     """The stations of a campaign, indexed one after the other; kept between passes when memory allows."""
 
-    def __init__(self, store: ReturnStore, origin: NDArray[np.float64]) -> None:
+    def __init__(self, store: ReturnStore, origin: NDArray[np.float64], photo: PhotoCampaign | None = None) -> None:
+        self.photo = photo
         self._store = store
         self.stations = store.stations
         self._kept: dict[int, StationIndex] = {}
@@ -72,7 +85,7 @@ class StationIndexes:
         for tile in self._store.tiles(station, self._margin(station, sensor)):
             sector = np.array([tile.first, tile.last])
             whole = tile.last - tile.first >= 2 * np.pi
-            yield station, build_index(tile.offsets, self.spacing[station]), None if whole else sector
+            yield station, build_index(tile.offsets, self.spacing[station], tile.photo), None if whole else sector
 
     def _margin(self, station: int, sensor: SensorModel) -> float:
         widest = CUT * self.spacing[station]
@@ -84,15 +97,15 @@ class StationIndexes:
         rough = math.sqrt(4.0 * math.pi / self._store.count(station))
         angles = []
         for tile in self._store.tiles(station, 40.0 * rough):
-            index = build_index(tile.offsets, rough)
+            index = build_index(tile.offsets, rough, tile.photo)
             direction, angle = neighbour_angles(index, self._store.count(station))
             angles.append(angle[tile.owns(direction)])
             if self._store.fits and tile.last - tile.first >= 2 * np.pi:
                 measured = median_spacing(angles[0])
                 if 0.5 < measured / rough < 2.0:
-                    self._kept[station] = StationIndex(index.returns, index.bin_start, index.row_start, measured)
+                    self._kept[station] = replace(index, spacing_rad=measured)
                 else:
-                    self._kept[station] = build_index(index.returns, measured if measured > 0 else rough)
+                    self._kept[station] = build_index(index.returns, measured if measured > 0 else rough, index.photo)
                 self.spacing[station] = self._kept[station].spacing_rad
                 self._store.release(station)
                 return
@@ -105,6 +118,7 @@ def look(
 ) -> Sightings:
     """What all stations saw at the queries, ordered by query and station."""
     parts = []
+    photo = stations.photo
     for station, index, sector in stations.visit(sensor, progress):
         position = stations.position[station]
         relative = queries.position - position
@@ -117,7 +131,12 @@ def look(
             sight(
                 evidence, index, station, position, queries.number[row], queries.position[row], queries.normal[row],
                 queries.element[row], queries.triangle[row], queries.shift[row], surfaces,
+                None if photo is None else PhotoStation(int(photo.body[station]), photo.sigma),
             )
         )
+    if photo is not None and photo.dense is not None:
+        parts.append(photo.dense.sight(
+            sensor, queries.number, queries.position, queries.normal, queries.element, queries.triangle, queries.shift, surfaces
+        ))
     seen: Sightings = Sightings.join(parts)
     return seen.rows(np.lexsort((seen.station, seen.sample)))

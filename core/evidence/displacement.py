@@ -59,7 +59,7 @@ def fit_shift(sightings: Sightings, errors: ErrorModel) -> Shift:
     """
     if len(sightings) == 0:
         return NOTHING
-    blocks = block_means(sightings, errors.sigma)
+    blocks = block_means(sightings, errors.sigma, errors.body)
     n, d, size = blocks.normal, blocks.residual, np.minimum(blocks.count, 25.0)
     share = (n * (size / size.sum())[:, None]).T @ n
     eigenvalue, axes = np.linalg.eigh(share)

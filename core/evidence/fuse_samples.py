@@ -9,7 +9,9 @@ from scipy.special import ndtr
 from ..options import FusionRule
 from ..results import SampleEvidence
 from .fusion import RULES, from_log_commonality
-from .sightings import Sightings
+from .sightings import AT, NUMBERS_OF_BODY, RAYLESS, Sightings
+
+SMALLEST_VARIANCE_M2 = 1e-12
 
 
 def fuse_samples(
@@ -57,17 +59,32 @@ def _contextual_discount(
 
 def _deviation_variance(seen: Sightings, sigma: float) -> NDArray[np.float64]:
     """(M,) of the mean of the returns of a sighting along the normal, square metres."""
-    return (sigma * np.maximum(seen.cosine.astype(np.float64), 0.2)) ** 2 / np.maximum(seen.count, 1)
+    variance = (sigma * np.maximum(seen.cosine.astype(np.float64), 0.2)) ** 2 / np.maximum(seen.count, 1)
+    if not seen.photo.shape[1]:
+        return variance
+    own, shared = seen.photo[:, 0], seen.photo[:, 1]
+    of_photos = np.maximum(own**2 - shared**2, 0.0) / np.maximum(seen.count, 1) + shared**2
+    return np.where(seen.from_photos, np.maximum(of_photos, SMALLEST_VARIANCE_M2), variance)
 
 
 def _local_deviation(
     count: int, own: Sightings, sigma: float, window: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Weighted mean of the stations' deviations (N,) and its standard deviation (N,), metres; NaN without any."""
-    near = own.rows((np.abs(own.deviation) <= window) & ~own.explained)
-    weight = 1.0 / _deviation_variance(near, sigma)
+    near = own.rows(own.state(window) == AT)
+    weight = 1.0 / (_deviation_variance(near, sigma) * _cameras(near))
     total = np.bincount(near.sample, weight, minlength=count)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.bincount(near.sample, weight * near.deviation, minlength=count) / total
         spread = np.where(total > 0, 1.0 / np.sqrt(total), np.nan)
     return mean, spread
+
+
+def _cameras(near: Sightings) -> NDArray[np.float64] | float:
+    """(M,) cameras of one block that look at the same query: a tie point's error does not average out over them."""
+    if not near.photo.shape[1]:
+        return 1.0
+    body = np.where(near.station == RAYLESS, -1, near.photo[:, 3] // NUMBERS_OF_BODY)
+    body = np.where(near.from_photos, body, -2.0 - near.station)
+    _, same = np.unique(np.column_stack([near.sample, body]), axis=0, return_inverse=True)
+    return np.bincount(same.ravel())[same.ravel()].astype(np.float64)

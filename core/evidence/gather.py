@@ -14,7 +14,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from ..sensing.presets import LOGISTIC, ZONE_SIGMAS, MassParameters
-from .masses import log_one_minus, ray_masses
+from .masses import level_conversion, log_one_minus, ray_masses
 from .station_index import StationIndex, azimuth_half_width, azimuth_range, column_runs, row_range
 
 CUT = 5.0
@@ -94,11 +94,13 @@ def _gather(
     query: NDArray[np.float64], normal: NDArray[np.float64], order: NDArray[np.int64],
     returns: NDArray[np.float64], bin_start: NDArray[np.int64], row_start: NDArray[np.int64], spacing_rad: float,
     sigma: float, model_sigma: float, fixed_c: float, fixed_lam: float, fixed_kappa: float,
+    own_sigma: NDArray[np.float64], converted: NDArray[np.float64],
     log_occ: NDArray[np.float64], log_emp: NDArray[np.float64], log_unk: NDArray[np.float64],
     nearest: NDArray[np.int64], nearest_dy: NDArray[np.float64], deviation: NDArray[np.float64],
     count: NDArray[np.int32], cosine_out: NDArray[np.float64], distance_out: NDArray[np.float64],
 ) -> None:
     rows = len(row_start) - 1
+    graded = len(own_sigma) > 0
     for k in prange(len(order)):
         i = order[k]
         q, n = query[i], normal[i]
@@ -138,7 +140,14 @@ def _gather(
                 if dy2 < best_dy2 or (dy2 == best_dy2 and best >= 0 and reach < best_range):
                     best, best_dy2, best_range = j, dy2, reach
                 if dy2 <= mass_reach2:
+                    if graded and fixed_lam <= 0.0:
+                        c, lam, kappa = mass_parameters(
+                            distance, cosine, spacing_rad, own_sigma[j], model_sigma, fixed_c, fixed_lam, fixed_kappa
+                        )
                     occ, emp = ray_masses(along - reach, dy2, c, lam, kappa)
+                    if graded and fixed_lam > 0.0:
+                        occ *= converted[j]
+                        emp *= converted[j]
                     known = occ + emp
                     if known > SMALLEST_MASS:
                         log_unknown = (
@@ -154,7 +163,8 @@ def _gather(
             continue
         p = returns[best]
         level = (p[0] - q[0]) * n[0] + (p[1] - q[1]) * n[1] + (p[2] - q[2]) * n[2]
-        gate = max(CLUSTER_SIGMAS * sigma * cosine, CLUSTER_FLOOR_M)
+        spread = own_sigma[best] if graded else sigma * cosine
+        gate = max(CLUSTER_SIGMAS * spread, CLUSTER_FLOOR_M)
         total, members = 0, 0
         radius = math.asin(min(math.sqrt(near_reach2) / distance, 1.0))
         half = azimuth_half_width(q, radius)
@@ -183,9 +193,14 @@ def _gather(
 def gather(
     index: StationIndex, query: NDArray[np.float64], normal: NDArray[np.float64], sensor: SensorModel
 ) -> StationEvidence:
-    """Evidence of a station on query positions given relative to it, (N, 3) [m], with outward unit normals (N, 3)."""
+    """Evidence of a station on query positions given relative to it, (N, 3) [m], with outward unit normals (N, 3).
+
+    Returns with an accuracy of their own (tie points) are counted with it: in the masses that are derived, and by converting
+    the beliefs of a preset to the level (eq. 5.24 of Meyer 2023).
+    """
     count = len(query)
     fixed = sensor.fixed or MassParameters(0.0, 0.0, 0.0)
+    own_sigma = np.zeros(0) if index.photo is None else np.ascontiguousarray(index.photo[:, 0])
     out = StationEvidence(
         log_occ=np.zeros(count), log_emp=np.zeros(count), log_unk=np.zeros(count),
         nearest=np.full(count, -1, np.int64), nearest_dy=np.full(count, np.nan),
@@ -198,6 +213,7 @@ def gather(
             query, np.ascontiguousarray(normal, dtype=np.float64), order_by_direction(query),
             index.returns, index.bin_start, index.row_start, index.spacing_rad,
             sensor.sigma, sensor.model_sigma, fixed.c, fixed.lam, fixed.kappa,
+            own_sigma, level_conversion(own_sigma, sensor.model_sigma),
             out.log_occ, out.log_emp, out.log_unk, out.nearest, out.nearest_dy, out.deviation, out.count,
             out.cosine, out.distance,
         )

@@ -15,6 +15,7 @@ import math
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.special import erf
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -64,6 +65,14 @@ def ray_masses_array(
         out[i, 1] = emp
         out[i, 2] = 1.0 - occ - emp
     return out
+
+
+def level_conversion(sigma: NDArray[np.float64], level_sigma: float) -> NDArray[np.float64]:
+    """(N,) factor on the beliefs of points of standard deviation ``sigma`` (N,) at a level: P(|x| <= level sigma) / 0.95.
+
+    Eq. 5.24 of Meyer (2023) with the divisor of its table 5.4; no more than 1, so that masses stay masses. Metres.
+    """
+    return np.asarray(np.minimum(erf(level_sigma / (math.sqrt(2.0) * sigma)) / 0.95, 1.0))
 
 
 def surface_masses(

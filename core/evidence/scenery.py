@@ -16,7 +16,7 @@ from .collect import Queries, StationIndexes, look
 from .decide import Context, Place, enough_seen
 from .gather import SensorModel
 from .outline import RING_M
-from .sightings import Sightings, Yielding, explain
+from .sightings import RAYLESS, Sightings, Yielding, explain
 
 CLEARLY_MOVED_M2 = 1e6
 """Added to the strength of what was found clearly elsewhere: more than any surface has."""
@@ -34,9 +34,13 @@ class Scenery:
     sensor: SensorModel
     explain_within: float
 
-    @property
-    def station_positions(self) -> NDArray[np.float64]:
-        return np.array(self.stations.position).reshape(-1, 3)
+    def origins(self, seen: Sightings) -> NDArray[np.float64]:
+        """(M, 3) where the rays begin: the stations; for dense points, whose rays nobody knows, before the face they lie on."""
+        position = np.array([*self.stations.position, np.zeros(3)])
+        found = position[seen.station]
+        rayless = seen.station == RAYLESS
+        found[rayless] = seen.point[rayless].astype(np.float64) + seen.face_normal[rayless]
+        return found
 
     @property
     def ring_margin(self) -> float:
@@ -65,17 +69,17 @@ class Scenery:
         Of places that were ``searched`` one after the other some fit by chance: they yield what such an element would
         explain if it stood a little off, and what fits a stronger element that was found elsewhere.
         """
-        position, sigma, within = self.station_positions, self.sensor.sigma, self.explain_within
+        origins, sigma, within = self.origins(seen), self.sensor.sigma, self.explain_within
         to_plan = to_built = None
         if shifted is not None:
             standing = np.ones(len(self.model.elements), np.bool_) if as_built is None else ~as_built.elsewhere
             to_plan = Yielding(shifted, standing, within if searched else sigma)
         if searched and as_built is not None:
             to_built = Yielding(np.ones(len(seen), np.bool_), as_built.elsewhere, sigma)
-        found = explain(seen, position, self.scene, sigma, within, asked, element, yielding=to_plan)
+        found = explain(seen, origins, self.scene, sigma, within, asked, element, yielding=to_plan)
         if as_built is not None:
             found |= explain(
-                seen, position, as_built.scene, sigma, within, asked & ~found, element, strength=as_built.strength,
+                seen, origins, as_built.scene, sigma, within, asked & ~found, element, strength=as_built.strength,
                 yielding=to_built,
             )
         return Sightings(**{**vars(seen), "explained": seen.explained | found})
@@ -111,5 +115,9 @@ class AsBuilt:
 
 
 def with_glass(scenery: Scenery, seen: Sightings, triangle: NDArray[np.int32], see_through: bool) -> Sightings:
-    """The same sightings, knowing which queries (their ``triangle`` (M,)) lie on glass the scanner looked through."""
-    return Sightings(**{**vars(seen), "glass": scenery.model.transparent[triangle] & see_through})
+    """The same sightings, knowing which queries (their ``triangle`` (M,)) lie on glass the scanner looked through.
+
+    What lies behind a surface and has no ray proves as little.
+    """
+    passes = (scenery.model.transparent[triangle] & see_through) | (seen.station == RAYLESS)
+    return Sightings(**{**vars(seen), "glass": passes})

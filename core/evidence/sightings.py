@@ -22,6 +22,10 @@ VISIBLE_SPACINGS = 1.1
 """A query is in view when a ray passes this close, in point spacings (a square grid leaves 0.71 at most)."""
 SEARCH_M = 0.25
 """How far from its plan an element is looked for. Farther away it is a new object, and the planned one is absent."""
+RAYLESS = -1
+"""The station of dense points: no ray is known, and what belongs to them stands last in arrays by station."""
+WIDER_SIGMAS = 3.0
+"""A window holds three standard deviations of a usual return; points that are less certain get a wider one."""
 GRAZE = 0.1
 """Smallest cosine with which a planned surface can explain a return."""
 
@@ -32,6 +36,7 @@ class Sightings:
 
     sample: NDArray[np.int32]
     station: NDArray[np.int16]
+    """(M,) its number; ``RAYLESS`` for dense points of photos."""
     deviation: NDArray[np.float64]
     """(M,) of the surface seen, along the planned outward normal."""
     count: NDArray[np.int32]
@@ -52,22 +57,38 @@ class Sightings:
     """(M,) of the nearest return alone, from the face that its ray meets: exact on curved surfaces too."""
     explained: NDArray[np.bool_]
     """(M,) another planned surface lies closer to the return than the query's own."""
+    photo: NDArray[np.float64]
+    """(M, 0), or (M, 4) in campaigns with photogrammetric points: standard deviation of the point along the normal [m] (0: a
+    scan's return), the part of it that neighbours share [m], by how much the window is wider for it [m], and a number of the
+    point (-1: a scan's return)."""
 
     def __len__(self) -> int:
         return len(self.sample)
 
     def state(self, window: float) -> NDArray[np.uint8]:
         """(M,) BEYOND, AT or FRONT, for a planned surface that may be off by ``window`` metres along its normal."""
-        own = (np.abs(self.deviation) <= window) & ~self.explained
+        wider = self.photo[:, 2] if self.photo.shape[1] else 0.0
+        own = (np.abs(self.deviation) <= window + wider) & ~self.explained
         passed = np.where(self.glass, THROUGH_GLASS, BEYOND)
         return np.where(own, AT, np.where(self.deviation < 0, passed, FRONT)).astype(np.uint8)
 
+    @property
+    def from_photos(self) -> NDArray[np.bool_]:
+        """(M,) the row is of a tie point or of a dense point, not of a scan."""
+        return self.photo[:, 3] >= 0 if self.photo.shape[1] else np.zeros(len(self), np.bool_)
+
     def ray_key(self, chosen: NDArray[np.bool_] | NDArray[np.int64] | slice) -> NDArray[np.uint64]:
-        """A number for each chosen row, the same for the same return: several queries may look at one."""
+        """A number for each chosen row, the same for the same return: several queries may look at one.
+
+        A tie point is one return, from however many cameras.
+        """
         key = self.station[chosen].astype(np.uint64)
         for bits in self.point[chosen].view(np.uint32).T:
             key = (key * np.uint64(0x9E3779B97F4A7C15)) ^ bits
             key = (key ^ (key >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)
+        if self.photo.shape[1]:
+            number = self.photo[chosen, 3]
+            key = np.where(number >= 0, number.astype(np.uint64), key | np.uint64(1 << 63))
         return key
 
     def rows(self, chosen: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Sightings:
@@ -92,12 +113,13 @@ def sight(
     triangle: NDArray[np.int32],
     shift: NDArray[np.float64],
     surfaces: ElementSurfaces,
+    photo: PhotoStation | None = None,
 ) -> Sightings:
     """Sightings of one station.
 
     position (3,) of the station and query (N, 3) in the local frame, normal (N, 3), element and triangle (N,), sample
-    (N,) their numbers. ``shift`` (N, 3) is how far a query stands from its planned place (zero for the plan itself). Nothing is
-    explained yet.
+    (N,) their numbers. ``shift`` (N, 3) is how far a query stands from its planned place (zero for the plan itself). ``photo``:
+    in a campaign with photogrammetric points, what a tie point's row needs. Nothing is explained yet.
     """
     row = np.flatnonzero(
         (evidence.nearest >= 0) & (evidence.nearest_dy <= VISIBLE_SPACINGS * index.spacing_rad * evidence.distance)
@@ -132,7 +154,32 @@ def sight(
         residual=np.where(on_face, residual, level),
         explained=np.zeros(len(row), dtype=np.bool_),
         glass=np.zeros(len(row), dtype=np.bool_),
+        photo=np.zeros((len(row), 0)) if photo is None else photo.columns(index, evidence.nearest[row]),
     )
+
+
+NUMBERS_OF_BODY = 1 << 32
+"""Tie points and dense points of a block have numbers below this."""
+FIRST_DENSE = 1 << 31
+
+
+@dataclass(frozen=True)
+class PhotoStation:
+    """A station of a campaign with photogrammetric points."""
+
+    body: int
+    """Number of the first camera of its block; its own for a scanner."""
+    sigma: float
+    """Of a usual return of the campaign, metres: the window is made for it."""
+
+    def columns(self, index: StationIndex, nearest: NDArray[np.int64]) -> NDArray[np.float64]:
+        """(M, 4) ``Sightings.photo`` of the returns at rows ``nearest`` (M,) of the index."""
+        if index.photo is None:
+            return np.tile([0.0, 0.0, 0.0, -1.0], (len(nearest), 1))
+        sigma, shared, number = index.photo[nearest].T
+        return np.column_stack([
+            sigma, shared, WIDER_SIGMAS * np.maximum(sigma - self.sigma, 0.0), self.body * NUMBERS_OF_BODY + number
+        ])
 
 
 @dataclass(frozen=True)
@@ -149,7 +196,7 @@ class Yielding:
 
 def explain(
     seen: Sightings,
-    stations: NDArray[np.float64],
+    origins: NDArray[np.float64],
     scene: RayScene,
     sigma: float,
     within: float,
@@ -164,7 +211,7 @@ def explain(
     Asked only where it matters: not of returns farther than ``SEARCH_M`` from the query's surface, which hide it or have
     passed it whatever they met.
 
-    stations (S, 3) positions in the local frame. A surface in ``scene``, of another element or another face of the same
+    origins (M, 3) where the rays begin, local frame. A surface in ``scene``, of another element or another face of the same
     one, explains a return when the ray meets it from outside, it is nearer to the return along its normal than the
     query's own surface, and not farther than ``within`` metres. With ``strength`` (E,) only elements of more strength than
     the query's own ``element`` (M,) count. ``asked`` (M,) are the rows to look at.
@@ -178,7 +225,7 @@ def explain(
 
     def work(part: slice) -> None:
         row = doubtful[part]
-        for away, other in surfaces_at(scene, stations[seen.station[row]], seen.point[row].astype(np.float64), within):
+        for away, other in surfaces_at(scene, origins[row], seen.point[row].astype(np.float64), within):
             met = away <= within
             if strength is not None:
                 met &= strength[other] > strength[element[row]]

@@ -61,9 +61,8 @@ class Slide:
         return self.length * self.direction
 
 
-def crossings(seen: Sightings, stations: Array, position: Array, normal: Array) -> Array:
-    """(M, 3) where the rays cross the planes of their queries, given the queries' position and normal (M, 3)."""
-    start = stations[seen.station]
+def crossings(seen: Sightings, start: Array, position: Array, normal: Array) -> Array:
+    """(M, 3) where rays from ``start`` (M, 3) cross the planes of their queries, which have position and normal (M, 3)."""
     ray = seen.point.astype(np.float64) - start
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
     return plane_crossing(start, ray, position, normal)
@@ -82,7 +81,8 @@ def candidate_slides(scenery: Scenery, e: int, seen: Sightings, context: Context
     s = scenery.samples
     local = seen.sample[telling].astype(np.int64)
     normal = s.normal[local]
-    place = crossings(seen.rows(telling), scenery.station_positions, s.position[local], normal)
+    told = seen.rows(telling)
+    place = crossings(told, scenery.origins(told), s.position[local], normal)
     triangle = slice(*scenery.model.triangle_start[[e, e + 1]])
     corner, facing = scenery.surfaces.corner[triangle], scenery.surfaces.normal[triangle]
     _, axes = face_groups(facing, np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1))

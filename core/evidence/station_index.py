@@ -9,7 +9,7 @@ that need no trigonometry per return.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import get_num_threads, njit, prange
@@ -58,6 +58,14 @@ def _bin_of(p: NDArray[np.float64], rows: int, row_start: NDArray[np.int64]) -> 
     return row_start[row] + _column(p[0], p[1], row_start[row + 1] - row_start[row])
 
 
+@njit(cache=True, nogil=True)
+def _bins(offsets: NDArray[np.float64], rows: int, row_start: NDArray[np.int64]) -> NDArray[np.int64]:
+    out = np.empty(len(offsets), np.int64)
+    for i in range(len(offsets)):
+        out[i] = _bin_of(offsets[i], rows, row_start)
+    return out
+
+
 @njit(cache=True, nogil=True, parallel=True)
 def _sort_into_bins(
     offsets: NDArray[np.float64], rows: int, row_start: NDArray[np.int64], chunks: int
@@ -101,33 +109,39 @@ class StationIndex:
     row_start: NDArray[np.int64]
     spacing_rad: float
     """Median angle between neighbouring rays."""
+    photo: NDArray[np.float64] | None = None
+    """(N, 3) of tie points, in the order of ``returns``: see ``ReturnBlock.photo``."""
 
     @property
     def rows(self) -> int:
         return len(self.row_start) - 1
 
 
-def build_index(offsets: NDArray[np.float64], spacing_rad: float | None = None) -> StationIndex:
+def build_index(
+    offsets: NDArray[np.float64], spacing_rad: float | None = None, photo: NDArray[np.float64] | None = None
+) -> StationIndex:
     """Index returns (N, 3) given relative to their station [m], none of them at the station itself.
 
     Without ``spacing_rad`` it is estimated from the returns.
     """
     offsets = np.ascontiguousarray(offsets, dtype=np.float64)
     if spacing_rad is not None:
-        return _build(offsets, spacing_rad)
-    rough = _build(offsets, math.sqrt(4.0 * math.pi / max(len(offsets), 1)))
+        return _build(offsets, spacing_rad, photo)
+    rough = _build(offsets, math.sqrt(4.0 * math.pi / max(len(offsets), 1)), photo)
     spacing_rad = median_spacing(neighbour_angles(rough, len(offsets))[1])
     if not math.isfinite(spacing_rad):
         return rough
     if 0.5 < spacing_rad / rough.spacing_rad < 2.0:
-        return StationIndex(rough.returns, rough.bin_start, rough.row_start, spacing_rad)
-    return _build(rough.returns, spacing_rad)
+        return replace(rough, spacing_rad=spacing_rad)
+    return _build(rough.returns, spacing_rad, rough.photo)
 
 
-def _build(offsets: NDArray[np.float64], spacing_rad: float) -> StationIndex:
+def _build(offsets: NDArray[np.float64], spacing_rad: float, photo: NDArray[np.float64] | None) -> StationIndex:
     row_start = bin_layout(spacing_rad, len(offsets))
     returns, start = _sort_into_bins(offsets, len(row_start) - 1, row_start, get_num_threads())
-    return StationIndex(returns, start, row_start, spacing_rad)
+    if photo is not None:
+        photo = photo[np.argsort(_bins(offsets, len(row_start) - 1, row_start), kind="stable")]
+    return StationIndex(returns, start, row_start, spacing_rad, photo)
 
 
 def bin_layout(spacing_rad: float, returns: int) -> NDArray[np.int64]:

@@ -32,6 +32,10 @@ Ints = NDArray[np.int64]
 MOST_ROUNDS = 50
 ENOUGH = 1e-10
 """Relative decrease of the weighted squares that ends the iteration."""
+NOTHING_LEFT = 1e-9
+"""Weighted squares per observation that are rounding: the observations have no noise."""
+LEAST_SPREAD = 0.1
+"""Of the stated sigma: a smaller spread of the residuals makes no observation an outlier."""
 
 
 class Term(Protocol):
@@ -68,6 +72,9 @@ class BundleResult:
     points: Floats
     point_covariance: Floats
     """(M, 3, 3) square metres."""
+    shared_sigma: Floats
+    """(M,) part of a point's standard deviation that comes from the cameras: its neighbours have the same error. Metres, per
+    axis."""
     pose_covariance: Floats
     """(C, 6, 6) rotation in the camera frame [rad] and position [m]."""
     interior_sigma: Floats
@@ -111,7 +118,9 @@ def adjust_bundle(
             break
         decrease = (cost - new) / max(cost, 1e-300)
         work, cost, damping = trial, new, max(damping / 10.0, 1e-15)
-        if decrease < ENOUGH and predicted < 1e-6 and damping <= 1e-9 and not (robust and number < 8):
+        settled = decrease < ENOUGH and predicted < 1e-6 and damping <= 1e-9
+        exact = cost < NOTHING_LEFT * len(problem.observed) and predicted < 1e-6
+        if (settled or exact) and not (robust and number < 8):
             break
     else:
         raise BimVerifyError("The bundle adjustment does not settle; check the start values and look for gross errors.")
@@ -175,7 +184,7 @@ class _Workspace:
     def reweight(self) -> None:
         """Huber: full weight within 2.5 sigma of the group's own spread."""
         size = np.sqrt((self.left() ** 2).sum(axis=1) * self.base)
-        spread = max(float(np.median(size)) / 1.1774, 1e-12)
+        spread = max(float(np.median(size)) / 1.1774, LEAST_SPREAD)
         self.robust = np.minimum(1.0, 2.5 * spread / np.maximum(size, 1e-12))
         self.robust[size > 10.0 * spread] = 0.0
 
@@ -223,6 +232,7 @@ class _Workspace:
         point_cov, taken = point_covariances(
             *self._seen, self.first, self.camera, self.pixel, weight, inverse, covariance, self.most
         )
+        shared = np.einsum("pii->p", point_cov - inverse) / 3.0
         left = self.left()
         groups = self._groups(left, taken, point_cov, covariance)
         observations, squares = sum(g.observations for g in groups), sum(g.squares for g in groups)
@@ -241,6 +251,7 @@ class _Workspace:
                 replace(c, interior=self.interiors[i]) for c, i in zip(self.cameras, self.problem.inside_of, strict=True)
             ),
             interiors=tuple(self.interiors), points=self.points + self.centre, point_covariance=point_cov,
+            shared_sigma=np.sqrt(np.maximum(shared, 0.0)),
             pose_covariance=blocks[index, :, index, :],
             interior_sigma=np.sqrt(np.diag(covariance)[poses:]).reshape(-1, INSIDE),
             variance_factor=factor, redundancy=redundancy, groups=groups, residual=unsorted, weight=kept, rounds=rounds,

@@ -12,7 +12,8 @@
      "free": ["f", "cx", "cy", "k1", "k2"]}
 
 ``{"import": "sparse/0", "control": [...]}`` takes cameras, points and observations from a folder of COLMAP (text or binary)
-instead, ``{"import": "cameras.xml", "points": ..., "observations": ...}`` the cameras from a Metashape XML file.
+instead, ``{"import": "bundle.out", "image_size": [4000, 3000]}`` from a Bundler file (Metashape and others export it), and
+``{"import": "cameras.xml", "points": ..., "observations": ...}`` the cameras from a Metashape XML file.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from ..json_in import read_json_object
 from ..report.json_out import to_plain
 from .bundle import BundleResult
 from .bundle_problem import INSIDE_NAMES, BundleProblem, Control, ImageObservations
+from .bundler import read_bundler
 from .camera import Camera, Interior
 from .cameras_file import (
     LARGEST_FILE,
@@ -51,8 +53,11 @@ Ints = NDArray[np.int64]
 
 def read_project(path: str | Path) -> BundleProblem:
     """Read a project file and what it imports. Raises BimVerifyError."""
-    source = Path(path)
-    content = read_json_object(source, "a bundle project", LARGEST_FILE)
+    return problem_of(read_json_object(Path(path), "a bundle project", LARGEST_FILE), Path(path))
+
+
+def problem_of(content: dict[str, Any], source: Path) -> BundleProblem:
+    """What a project file's ``content`` asks to adjust. Raises BimVerifyError."""
     sigma = positive(content, "sigma_px", source.name, SIGMA_PX)
     place = _import_path(content, source)
     if place is None:
@@ -61,8 +66,13 @@ def read_project(path: str | Path) -> BundleProblem:
         problem = read_colmap(place, sigma)
     elif place.suffix.lower() == ".xml":
         problem = _own(content, read_metashape_cameras(place), source, sigma)
+    elif place.suffix.lower() == ".out":
+        problem = read_bundler(place, sigma, numbers(content.get("image_size"), (2,)))
     else:
-        raise BimVerifyError(f"{place} is neither a folder of COLMAP (cameras, images, points3D) nor a Metashape XML file.")
+        raise BimVerifyError(
+            f"{place} is neither a folder of COLMAP (cameras, images, points3D), nor a Metashape XML, nor a Bundler file "
+            "(.out)."
+        )
     control = _control(content, source, len(problem.points))
     free = content.get("free", list(problem.free))
     if not isinstance(free, list) or not all(isinstance(name, str) for name in free):
@@ -74,19 +84,12 @@ def read_project(path: str | Path) -> BundleProblem:
     return problem
 
 
-def kept_observations(path: str | Path, problem: BundleProblem) -> tuple[Ints, Ints]:
-    """Camera and point (K,) of the observations that an adjustment has left in; all of them in a project not yet adjusted."""
-    weights = numbers(read_json_object(Path(path), "a bundle project", LARGEST_FILE).get("weights"), (len(problem.observed),))
-    kept = np.ones(len(problem.observed), dtype=np.bool_) if weights is None else weights > 0
-    return problem.observed.camera[kept], problem.observed.point[kept]
-
-
 def _import_path(content: dict[str, Any], source: Path) -> Path | None:
     if "import" not in content:
         return None
     name = content["import"]
     if not isinstance(name, str) or not name:
-        raise BimVerifyError(f"{source}: import must name a COLMAP folder or a Metashape XML file.")
+        raise BimVerifyError(f"{source}: import must name a COLMAP folder, a Metashape XML or a Bundler file.")
     return source.parent / name
 
 
@@ -158,6 +161,7 @@ def adjusted_project(problem: BundleProblem, result: BundleResult, method: str) 
         "points": result.points,
         "point_covariance": result.point_covariance[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]],
         "point_covariance_order": ["xx", "xy", "xz", "yy", "yz", "zz"],
+        "point_shared_sigma": result.shared_sigma,
         "observations": np.column_stack([o.camera, o.point, o.pixel, o.sigma]),
         "residuals_px": result.residual,
         "weights": result.weight,

@@ -73,6 +73,28 @@ def _contradictions(
     matches: LineMatches, camera: Camera, same: NDArray[np.bool_], model_sigma: float, focal: bool
 ) -> tuple[Vector, Vector, Vector]:
     """Distances (2N,) [px] of the projected ends from their lines, derivatives (2N, 6 or 7), covariance (2N, 2N)."""
+    value, design, to_point, own = line_distances(matches, camera, model_sigma, focal)
+    return value, design, joint_covariance(to_point, own, same, model_sigma)
+
+
+def joint_covariance(to_point: Vector, own: Vector, same: NDArray[np.bool_], model_sigma: float) -> Vector:
+    """(2N, 2N) of distances: what each match has of its ``own`` (N, 2, 2), and what those of the ``same`` (N, N) element share.
+
+    ``to_point`` (2N, 3) are the distances' derivatives with respect to the edge's ends.
+    """
+    count = len(own)
+    cov = SHARED * model_sigma**2 * np.where(same.repeat(2, axis=0).repeat(2, axis=1), to_point @ to_point.T, 0.0)
+    blocks = cov.reshape(count, 2, count, 2)
+    rows = np.arange(count)
+    blocks[rows, :, rows, :] += own
+    return np.asarray(blocks.reshape(2 * count, 2 * count))
+
+
+def line_distances(
+    matches: LineMatches, camera: Camera, model_sigma: float, focal: bool
+) -> tuple[Vector, Vector, Vector, Vector]:
+    """Distances (2N,) [px] of the projected ends from their lines, their derivatives with respect to the pose (2N, 6; with
+    the relative focal length 7) and to the ends (2N, 3), and each match's own covariance (N, 2, 2)."""
     count, lens = len(matches), camera.interior
     normal = np.repeat(matches.line[:, :2], 2, axis=0)
     ends = np.stack([matches.start, matches.end], axis=1).reshape(-1, 3)
@@ -89,13 +111,8 @@ def _contradictions(
     if focal:
         columns.append(np.einsum("ni,ni->n", normal, pixel - [lens.cx, lens.cy])[:, None])
     design = np.column_stack(columns)
-    shared = np.where(same.repeat(2, axis=0).repeat(2, axis=1), to_point @ to_point.T, 0.0)
-    cov = SHARED * model_sigma**2 * shared
     at = homogeneous(pixel).reshape(count, 2, 3) / scale.reshape(count, 2, 1)
     image = at @ matches.line_cov @ at.transpose(0, 2, 1)
     own = (1.0 - SHARED) * model_sigma**2 * np.einsum("ni,ni->n", to_point, to_point).reshape(count, 2)
     image[:, [0, 1], [0, 1]] += own + 1e-6
-    blocks = cov.reshape(count, 2, count, 2)
-    rows = np.arange(count)
-    blocks[rows, :, rows, :] += image
-    return value, design, blocks.reshape(2 * count, 2 * count)
+    return value, design, to_point, image

@@ -2,15 +2,45 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+
+import numpy as np
 
 from ... import __version__
 from ..imagery.bundle import BundleResult, adjust_bundle
 from ..imagery.bundle_problem import BundleProblem
 from ..imagery.bundle_project import read_project
+from ..imagery.coregistration import state_of
+from ..imagery.detect_lines import Detector, detect_lines
+from ..imagery.model_edges import sharp_edges
+from ..imagery.read_image import read_grey
+from ..imagery.series import SeriesResult, adjust_series, names_of
+from ..imagery.visible_edges import EdgeViewer
+from ..model.elements import BuildingModel
+from ..model.load import load_model
 from ..progress import Progress
+from ..sensing.loa import level_sigma
 from .inputs import Stopwatch, limited_threads
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelEdges:
+    """Ties selected images of a block to a model."""
+
+    model: BuildingModel | str | Path
+    """In the frame of the project."""
+    images: Sequence[str | Path]
+    """Named as in the project."""
+    loa: int = 30
+    """Level of accuracy that the model's edges have."""
+    position_sigma: float = 0.15
+    """Of the images' given poses, metres per axis."""
+    rotation_sigma: float = math.radians(1.0)
+    detector: Detector = "lsd"
+    seed: int = 0
 
 
 @dataclass(frozen=True)
@@ -21,21 +51,48 @@ class AdjustedBundle:
     result: BundleResult
     method: str
     timings: dict[str, float] = field(default_factory=dict)
+    placed: dict[str, str] = field(default_factory=dict)
+    """What became of the images that were tied to the model: name and state."""
 
 
 def bundle(
-    project: str | Path | BundleProblem, *, robust: bool = True, threads: int = 0, progress: Progress | None = None
+    project: str | Path | BundleProblem, *, robust: bool = True, threads: int = 0, edges: ModelEdges | None = None,
+    progress: Progress | None = None,
 ) -> AdjustedBundle:
     """Adjust a project; nothing is written.
 
-    ``robust`` takes the weight of gross errors. Raises BimVerifyError with one sentence when the project cannot be read or
-    adjusted.
+    ``robust`` takes the weight of gross errors; ``edges`` adds lines on the model's edges in selected images. Raises
+    BimVerifyError with one sentence when the project cannot be read or adjusted.
     """
     progress = progress or Progress()
+    placed: dict[str, str] = {}
     with limited_threads(threads):
         watch = Stopwatch()
         problem = project if isinstance(project, BundleProblem) else read_project(project)
         watch.lap("reading")
-        result = adjust_bundle(problem, robust=robust, progress=progress)
+        if edges is None:
+            result = adjust_bundle(problem, robust=robust, progress=progress)
+        else:
+            series = _series(problem, edges, robust, threads, progress)
+            result = series.bundle
+            placed = {problem.cameras[k].name: state_of(r) for k, r in sorted(series.registrations.items())}
         watch.lap("adjustment")
-    return AdjustedBundle(problem, result, f"bim_verify {__version__} bundle", dict(watch.seconds))
+    return AdjustedBundle(problem, result, f"bim_verify {__version__} bundle", dict(watch.seconds), placed)
+
+
+def _series(
+    problem: BundleProblem, edges: ModelEdges, robust: bool, threads: int, progress: Progress
+) -> SeriesResult:
+    numbers = names_of(problem, [Path(p).name for p in edges.images])
+    model = edges.model
+    if not isinstance(model, BuildingModel):
+        model = load_model(model, threads=threads, progress=progress.part(0.0, 0.2))
+    lines = {}
+    for k, path in zip(numbers, edges.images, strict=True):
+        lens = problem.cameras[k].interior
+        lines[k] = detect_lines(read_grey(path, (lens.width, lens.height)), lens, edges.detector)
+    return adjust_series(
+        problem, lines, EdgeViewer(model, sharp_edges(model)), np.asarray(model.origin), model_sigma=level_sigma(edges.loa),
+        position_sigma=edges.position_sigma, rotation_sigma=edges.rotation_sigma, seed=edges.seed, robust=robust,
+        progress=progress.part(0.2, 1.0),
+    )

@@ -10,7 +10,7 @@ import numpy as np
 
 from ... import __version__
 from ..alignment.align import align
-from ..alignment.transform import TransformedSource
+from ..alignment.transform import TransformedSource, whole_transform
 from ..errors import BimVerifyError
 from ..evidence import decide
 from ..evidence.collect import StationIndexes
@@ -18,18 +18,22 @@ from ..evidence.decide import Context
 from ..evidence.error_model import estimate_errors
 from ..evidence.fuse_samples import fuse_samples
 from ..evidence.gather import SensorModel
+from ..evidence.photo_campaign import photo_campaign, read_dense, shared_sigma
+from ..evidence.photo_table import photo_table
 from ..evidence.scenery import Scenery, with_glass
 from ..evidence.sightings import Sightings
 from ..evidence.thresholds import Thresholds
 from ..evidence.verify import Findings, comes_near, looks_through_glass, places
+from ..imagery.block_points import BlockPoints
 from ..model.elements import BuildingModel
 from ..model.on_element import ElementSurfaces
 from ..model.raycast import RayScene
 from ..model.sample_surface import MOST, sample_surface
 from ..options import VerifyOptions
 from ..progress import Progress
-from ..results import AlignmentRecord, ElementVerdict, StationRecord, VerificationResult
+from ..results import AlignmentRecord, ElementPhotos, ElementVerdict, StationRecord, VerificationResult
 from ..scans.campaign import ScanSource
+from ..scans.open import Campaign, open_scans
 from ..scans.store import ReturnStore
 from ..sensing.loa import UPPER_BOUND_M, level_sigma
 from ..sensing.presets import PRESETS, ZONE_SIGMAS
@@ -55,8 +59,10 @@ def verify(
         watch = Stopwatch()
         model = open_model(model, options, progress.part(0.0, 0.1))
         watch.lap("tessellation")
-        source = open_campaign(model, scans, options)
-        return _verify(model, source, options, progress.part(0.1, 1.0), watch)
+        opened = open_scans(scans, origin=options.origin) if isinstance(scans, Sequence) else scans
+        blocks = opened.photo_blocks if isinstance(opened, Campaign) else ()
+        source = open_campaign(model, opened, options)
+        return _verify(model, source, blocks, options, progress.part(0.1, 1.0), watch)
 
 
 def align_scans(
@@ -80,7 +86,8 @@ def align_scans(
 
 
 def _verify(
-    model: BuildingModel, source: ScanSource, options: VerifyOptions, progress: Progress, watch: Stopwatch
+    model: BuildingModel, source: ScanSource, blocks: Sequence[BlockPoints], options: VerifyOptions, progress: Progress,
+    watch: Stopwatch,
 ) -> VerificationResult:
     progress.update(0.0, "Spreading query positions over the model")
     scene = RayScene(model)
@@ -91,9 +98,16 @@ def _verify(
         source = TransformedSource(source, record.transform)
         watch.lap("alignment")
     samples = narrowed(model, samples, options.only)
+    photo = photo_campaign(source.stations, blocks, options.sigma)
+    if photo is not None:
+        options = replace(options, sigma=photo.sigma)
+    if options.dense:
+        transform = whole_transform(source)
+        dense = read_dense(options.dense, transform, model.origin, blocks, photo, options.preset, options.memory_gb)
+        photo = None if photo is None else replace(photo, dense=dense)
     with ReturnStore(source, options.memory_gb, progress.part(0.2, 0.4)) as store:
         watch.lap("reading")
-        stations = StationIndexes(store, model.origin)
+        stations = StationIndexes(store, model.origin, photo)
         scenery = Scenery(
             model, samples, stations, scene, ElementSurfaces(model), _sensor(options),
             explain_within=min(UPPER_BOUND_M[options.loa], Thresholds.explain_within) + 2 * options.sigma,
@@ -101,7 +115,7 @@ def _verify(
         seen = scenery.look(scenery.plan_queries(), progress.part(0.4, 0.75))
         if not comes_near(model, seen):
             raise BimVerifyError(_far_away(model, source))
-        context = _context(scenery, seen, options, record)
+        context = _context(scenery, seen, options, record, shared_sigma(blocks))
         seen = with_glass(scenery, seen, samples.triangle[seen.sample], context.see_through)
         watch.lap("evidence")
         found = places(scenery, seen, context, progress.part(0.75, 1.0))
@@ -118,7 +132,11 @@ def _verify(
             dropped={k: int(v) for k, v in vars(source.dropped).items() if not k.startswith("_")},
             timings=watch.seconds, warnings=tuple(_warnings(scenery, context, options)),
         )
-        return replace(result, verdicts=tuple(_conclude(result, found, context)))
+        verdicts = tuple(_conclude(result, found, context))
+        photos: tuple[ElementPhotos, ...] = ()
+        if photo is not None:
+            photos = photo_table(photo, found.seen, found.samples, verdicts, scenery.sensor, context.window)
+        return replace(result, verdicts=verdicts, photos=photos)
 
 
 def _sensor(options: VerifyOptions) -> SensorModel:
@@ -128,19 +146,25 @@ def _sensor(options: VerifyOptions) -> SensorModel:
     return SensorModel(options.sigma, level_sigma(options.loa), fixed)
 
 
-def _context(scenery: Scenery, seen: Sightings, options: VerifyOptions, record: AlignmentRecord) -> Context:
+def _context(
+    scenery: Scenery, seen: Sightings, options: VerifyOptions, record: AlignmentRecord, shared: float
+) -> Context:
+    photo = scenery.stations.photo
     thresholds = Thresholds()
     window = max(UPPER_BOUND_M[options.loa], thresholds.window_floor) + 3 * options.sigma
     errors = estimate_errors(
-        seen, scenery.samples, options.sigma, window, len(scenery.stations.stations), options.registration_sigma
+        seen, scenery.samples, options.sigma, window, len(scenery.stations.stations), options.registration_sigma,
+        None if photo is None else photo.body,
     )
     registration = errors.registration.sigma
+    if photo is not None and options.registration_sigma is None:
+        registration = max(registration, shared)
     if record.covariance is not None:
         registration = float(np.hypot(registration, np.sqrt(np.trace(record.covariance[3:, 3:]) / 3.0)))
     return Context(
         loa=options.loa, sigma=options.sigma, registration_sigma=registration, errors=errors, window=window,
         see_through=looks_through_glass(scenery, seen, window), thresholds=thresholds,
-        station_names=tuple(s.name for s in scenery.stations.stations),
+        station_names=(*(s.name for s in scenery.stations.stations), "dense points"),
     )
 
 

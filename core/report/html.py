@@ -32,6 +32,7 @@ OPTION_LABELS = {
     "fusion": "Fusion rule",
     "preset": "Mass functions",
     "only": "Only the elements",
+    "dense": "Dense points",
     "scan_frame": "Frame of the scans",
     "origin": "Scanner position given (m)",
     "threads": "Threads (0: all)",

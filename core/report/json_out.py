@@ -44,6 +44,7 @@ def result_to_json(result: VerificationResult) -> dict[str, Any]:
         "verdicts": result.verdicts,
         "decisions": result.decisions,
         "stations": result.stations,
+        "photos": result.photos,
         "alignment": result.alignment,
         "timings": result.timings,
         "warnings": result.warnings,

@@ -23,6 +23,7 @@ _ORIGINS = tuple(
 _COLORS = (
     ("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"),
 )
+_NORMALS = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,7 @@ class NamedFields:
     rgb: tuple[str, str, str] | None
     origin: tuple[str, str, str] | None = None
     """Where the scanner was when it measured the point."""
+    normal: tuple[str, str, str] | None = None
 
     def columns(self, table: Table, attributes: bool) -> Columns:
         """Pick from a block of records: a structured array, or columns by name."""
@@ -46,7 +48,10 @@ class NamedFields:
         origin = None
         if self.origin:
             origin = np.column_stack([table[name].astype(np.float64) for name in self.origin])
-        return Columns(x, y, z, intensity=intensity, color=color, origin=origin)
+        normal = None
+        if attributes and self.normal:
+            normal = np.column_stack([table[name].astype(np.float32) for name in self.normal])
+        return Columns(x, y, z, intensity=intensity, color=color, normal=normal, origin=origin)
 
 
 def channel_bytes(values: NDArray) -> NDArray[np.uint8]:
@@ -70,6 +75,7 @@ def find_fields(path: Path, names: list[str]) -> NamedFields:
         next((spelled[name] for name in _INTENSITY if name in spelled), None),
         rgb,  # type: ignore[arg-type]
         find_origin(names),
+        next((tuple(spelled[c] for c in triple) for triple in _NORMALS if set(triple) <= spelled.keys()), None),  # type: ignore[arg-type]
     )
 
 

@@ -36,6 +36,8 @@ class Station:
     sensor: str = ""
     acquired: str = ""
     """ISO 8601 date and time, or empty."""
+    block: str = ""
+    """Of a camera: the block of photos that it was adjusted with. All cameras of a block have one registration."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,11 @@ class ReturnBlock:
     """(N, 3)"""
     row: NDArray[np.int32] | None = None
     column: NDArray[np.int32] | None = None
+    normal: NDArray[np.float32] | None = None
+    """(N, 3) unit normals that the file gives, axes of the scan frame; only where attributes are asked for."""
+    photo: NDArray[np.float64] | None = None
+    """(N, 3) of tie points: standard deviation along the ray, the part of it that neighbours share [m], and the point's
+    number. Always given."""
     extra: Mapping[str, NDArray] | None = None
     """Columns of an extension, to be written (int32 or float32): name ``prefix:field`` -> (N,). Readers give none."""
 

@@ -6,25 +6,31 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import BimVerifyError
-from .campaign import DropCount, ReturnBlock, ScanSource, Station
+from .campaign import DropCount, ReturnBlock, Station
 from .e57_pages import SIGNATURE
 from .read_ahead import read_ahead
 from .scan_file import Origin, ScanFile
 from .stated_origin import impossible_stations, is_identity
-from .tie_points import MARK
+
+if TYPE_CHECKING:
+    from ..imagery.block_points import BlockPoints
 
 FORMATS = "E57, LAS, LAZ, PLY, PCD, PTS, PTX, XYZ, TXT, CSV or NPY"
 SUFFIXES = (".e57", ".las", ".laz", ".ply", ".pcd", ".pts", ".ptx", ".xyz", ".txt", ".asc", ".csv", ".npy")
 _HEAD = 8192
+_BUNDLE = b"bim_verify.bundle"
+"""What the head of a bundle project holds."""
+_BUNDLER = b"# Bundle file v"
 _SAME_PLACE_M = 1e-6
 _SAME_TURN = 1e-9
 
 
-def open_scans(paths: Sequence[str | Path], *, origin: Origin | None = None) -> ScanSource:
+def open_scans(paths: Sequence[str | Path], *, origin: Origin | None = None) -> Campaign:
     """Open scan files as one campaign; stations keep the order of the files.
 
     origin : scanner position, metres, scan frame, for files that do not name one, or that state an identity pose which
@@ -47,7 +53,9 @@ def open_scan_file(path: str | Path, *, origin: Origin | None = None) -> ScanFil
     place = Path(path)
     try:
         if place.is_dir():
-            raise BimVerifyError(f"{place} is a folder. Give scan files ({FORMATS}).")
+            if not any((place / f"images{suffix}").exists() for suffix in (".bin", ".txt")):
+                raise BimVerifyError(f"{place} is a folder, and none of COLMAP. Give scan files ({FORMATS}).")
+            return _reader(place, _BUNDLER)(place)
         with place.open("rb") as file:
             head = file.read(_HEAD)
         if not head:
@@ -118,7 +126,7 @@ def _signature(head: bytes) -> str | None:
     """The format that the first bytes prove, or None."""
     if head.startswith(SIGNATURE):
         return "e57"
-    if head.lstrip().startswith(b"{") and MARK in head:
+    if head.startswith(_BUNDLER) or (head.lstrip().startswith(b"{") and _BUNDLE in head):
         return "bundle"
     if head.startswith(b"LASF"):
         return "las"
@@ -171,6 +179,11 @@ class Campaign:
                 return index
         self._stations.append(station)
         return len(self._stations) - 1
+
+    @property
+    def photo_blocks(self) -> tuple[BlockPoints, ...]:
+        """The blocks of photos among the files."""
+        return tuple(file.block for file in self._files if file.block is not None)
 
     @property
     def paths(self) -> tuple[str, ...]:

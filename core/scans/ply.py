@@ -95,7 +95,10 @@ class PlyFile(ScanFile):
             origin = None
             if self._fields.origin:
                 origin = table[:, [numbers[name] for name in self._fields.origin]]
-            yield Columns(x, y, z, intensity=intensity, color=color, origin=origin)
+            normal = None
+            if attributes and self._fields.normal:
+                normal = table[:, [numbers[name] for name in self._fields.normal]].astype(np.float32)
+            yield Columns(x, y, z, intensity=intensity, color=color, normal=normal, origin=origin)
         if done < self._vertex.count:
             raise cut_off(self.path, self._vertex.count, done)
 

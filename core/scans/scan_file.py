@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
@@ -13,6 +14,9 @@ from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
 from .campaign import DropCount, ReturnBlock, Station
+
+if TYPE_CHECKING:
+    from ..imagery.block_points import BlockPoints
 
 ZERO_RANGE_M = 1e-3
 """A return nearer to the scanner than this is none: nothing measures there, and exporters write missing ones so."""
@@ -36,6 +40,10 @@ class Columns:
     """(N, 3)"""
     row: NDArray[np.int32] | None = None
     column: NDArray[np.int32] | None = None
+    normal: NDArray[np.float32] | None = None
+    """(N, 3) in the file's axes."""
+    photo: NDArray[np.float64] | None = None
+    """(N, 3) see ``ReturnBlock.photo``."""
     origin: NDArray[np.float64] | None = None
     """(N, 3) where the scanner was, in the file's coordinates: clouds of mobile scanners name it for every point."""
 
@@ -109,6 +117,8 @@ class ScanFile(ABC):
     """One opened scan file. Readers give its setups and stream its raw columns; the rest is here."""
 
     format: str = ""
+    block: BlockPoints | None = None
+    """The block of photos that the file holds."""
     has_origins: bool = False
     """Every point comes with the place that it was measured from (``Columns.origin``)."""
 
@@ -188,7 +198,8 @@ class ScanFile(ABC):
 
         return ReturnBlock(
             index, offsets[:count], pick(columns.intensity), pick(columns.color), pick(columns.row),
-            pick(columns.column),
+            pick(columns.column), None if columns.normal is None else pick(columns.normal @ setup.matrix.T.astype(np.float32)),
+            pick(columns.photo),
         )
 
     def first_point(self, station: int) -> NDArray[np.float64] | None:

@@ -29,6 +29,8 @@ class Tile:
     first: float
     """The sector begins at this azimuth, radians 0 ... 2 pi; the whole sphere when ``last - first`` is 2 pi."""
     last: float
+    photo: NDArray[np.float64] | None = None
+    """(N, 3) see ``ReturnBlock.photo``."""
 
     def owns(self, direction: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(N,) which directions (N, 3) belong to the sector itself, so that every query has exactly one tile."""
@@ -51,6 +53,7 @@ class ReturnStore:
         self.stations: tuple[Station, ...] = source.stations
         self._budget = memory_gb * 1e9
         self._blocks: list[list[NDArray[np.float64]]] = [[] for _ in self.stations]
+        self._photo: list[list[NDArray[np.float64]]] = [[] for _ in self.stations]
         self._counts: dict[int, int] = {}
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._read(source, progress or Progress())
@@ -74,6 +77,8 @@ class ReturnStore:
             read += len(block.offsets)
             held += len(block.offsets) * BYTES_PER_RETURN
             self._blocks[block.station].append(block.offsets)
+            if block.photo is not None:
+                self._photo[block.station].append(block.photo)
             if held > 0.4 * self._budget:
                 self._spill()
                 held = 0
@@ -131,13 +136,15 @@ class ReturnStore:
         The margin holds away from the poles; returns within ``margin`` of a pole are part of every tile.
         """
         returns = self._all(station)
+        photo = np.concatenate(self._photo[station]) if self._photo[station] else None
         sectors = int(np.ceil(len(returns) * INDEX_BYTES_PER_RETURN / (0.6 * self._budget)))
         if sectors <= 1:
-            yield Tile(np.asarray(returns), 0.0, 2 * np.pi + 1e-9)
+            yield Tile(np.asarray(returns), 0.0, 2 * np.pi + 1e-9, photo)
             return
         edges = self._equal_sectors(returns, sectors)
         for first, last in pairwise(edges):
-            yield Tile(np.concatenate(list(_in_sector(returns, first, last, margin))), first, last)
+            rows = np.concatenate(list(_in_sector(returns, first, last, margin)))
+            yield Tile(np.asarray(returns[rows]), first, last, None if photo is None else photo[rows])
 
     @staticmethod
     def _equal_sectors(returns: NDArray[np.float64], sectors: int) -> list[float]:
@@ -157,8 +164,10 @@ def _parts(returns: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
 
 def _in_sector(
     returns: NDArray[np.float64], first: float, last: float, margin: float
-) -> Iterator[NDArray[np.float64]]:
+) -> Iterator[NDArray[np.int64]]:
+    """Rows of ``returns`` in the sector and its margins."""
     middle, half = 0.5 * (first + last), 0.5 * (last - first)
+    begin = 0
     for part in _parts(returns):
         rho = np.hypot(part[:, 0], part[:, 1])
         away = np.abs((np.arctan2(part[:, 1], part[:, 0]) - middle + np.pi) % (2 * np.pi) - np.pi)
@@ -166,4 +175,5 @@ def _in_sector(
         cosine = np.maximum(rho / reach, 1e-9)
         near_pole = np.sin(margin) >= cosine
         wide = np.arcsin(np.minimum(np.sin(margin) / cosine, 1.0)) * 1.5
-        yield part[near_pole | (away <= half + wide)]
+        yield begin + np.flatnonzero(near_pole | (away <= half + wide))
+        begin += len(part)

@@ -45,7 +45,7 @@ def project(path: Path, missing: str = "") -> Path:
     shaken = points + rng.normal(0, SIGMA_M, points.shape)
     path.write_text(json.dumps({
         "format": "bim_verify.bundle", "cameras": [camera_to_plain(c) for c in cameras], "points": shaken.tolist(),
-        "observations": observations,
+        "observations": observations, "sigma_px": 0.05,
     }))
     return path
 

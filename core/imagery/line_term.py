@@ -1,0 +1,61 @@
+"""Lines on edges of the model as observations of a bundle: they tie selected images of a series to the model.
+
+Between them tie points carry the poses; what drifts there is pulled straight, and both ends of a loop meet on the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .bundle_kernels import POSE
+from .camera import Camera
+from .element_errors import joint_covariance, line_distances
+from .uncertain_lines import LineMatches
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ImageEdges:
+    """Lines of one image with the model edges they lie on, in the frame of the block; ideal pixels."""
+
+    camera: int
+    matches: LineMatches
+    element: NDArray[np.int64]
+    """(N,) elements of the edges: those of one element share its error, in all images."""
+
+
+class LineTerm:
+    """See ``bundle.Term``. ``model_sigma`` [m] per axis is that of the model's edges."""
+
+    name = "lines on edges"
+
+    def __init__(self, images: Sequence[ImageEdges], model_sigma: float) -> None:
+        self.images, self._model_sigma = tuple(images), model_sigma
+        element = np.concatenate([i.element for i in images])
+        self._same = element[:, None] == element[None, :]
+
+    def normals(self, cameras: Sequence[Camera]) -> tuple[Floats, Floats, float, int]:
+        """See ``bundle.Term``."""
+        parts = [line_distances(i.matches, cameras[i.camera], self._model_sigma, False) for i in self.images]
+        value = np.concatenate([p[0] for p in parts])
+        cov = joint_covariance(
+            np.concatenate([p[2] for p in parts]), np.concatenate([p[3] for p in parts]), self._same, self._model_sigma
+        )
+        design = np.zeros((len(value), POSE * len(cameras)))
+        row = 0
+        for image, part in zip(self.images, parts, strict=True):
+            rows = len(part[0])
+            design[row : row + rows, POSE * image.camera : POSE * (image.camera + 1)] = part[1]
+            row += rows
+        used = np.concatenate([np.arange(POSE * i.camera, POSE * (i.camera + 1)) for i in self.images])
+        weighted = np.linalg.solve(cov, np.column_stack([design[:, used], value]))
+        information = np.zeros((POSE * len(cameras),) * 2)
+        information[np.ix_(used, used)] = design[:, used].T @ weighted[:, :-1]
+        push = np.zeros(POSE * len(cameras))
+        push[used] = -design[:, used].T @ weighted[:, -1]
+        return information, push, float(value @ weighted[:, -1]), len(value)

@@ -1,0 +1,111 @@
+"""A series of images tied to the model: edges are looked for in selected images, and the block is adjusted with them.
+
+An image far along a series has drifted; once a neighbour lies on the model, its pose is good enough to be matched too. So the
+images are taken in rounds, those that could be placed first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..errors import BimVerifyError
+from ..progress import Progress
+from .bundle import BundleResult, Term, adjust_bundle
+from .bundle_problem import BundleProblem
+from .cameras_file import KnownCamera
+from .coregistration import state_of
+from .detect_lines import ImageLines, line_with_covariance
+from .free_net import FreeNet
+from .line_term import ImageEdges, LineTerm
+from .register_image import ImageRegistration, register_image
+from .uncertain_lines import LineMatches
+from .visible_edges import EdgeViewer
+
+ROUNDS = 3
+PLACED = ("REFINED", "PARTLY")
+
+
+@dataclass(frozen=True)
+class SeriesResult:
+    """The adjusted block, and what became of each selected image by its camera's number."""
+
+    bundle: BundleResult
+    registrations: Mapping[int, ImageRegistration]
+
+
+def adjust_series(
+    problem: BundleProblem, lines: Mapping[int, ImageLines], viewer: EdgeViewer, origin: np.ndarray, *, model_sigma: float,
+    position_sigma: float, rotation_sigma: float, seed: int = 0, robust: bool = True, progress: Progress | None = None,
+) -> SeriesResult:
+    """Adjust a block whose cameras ``lines`` (by number) show edges of the model in ``viewer``.
+
+    ``origin`` (3,) [m] is the model's local origin in the block's frame; the sigmas [m], [rad] per axis are those of the
+    selected images' poses as they are given. Raises BimVerifyError when no selected image can be placed.
+    """
+    progress = progress or Progress()
+    start = problem
+    if not len(problem.control.point):
+        first = adjust_bundle(problem, terms=(FreeNet(problem.cameras),), robust=robust, progress=progress.part(0.0, 0.2))
+        start = replace(problem, cameras=first.cameras, points=first.points)
+    found: dict[int, ImageRegistration] = {}
+    current: BundleResult | None = None
+    cameras = start.cameras
+    for number in range(ROUNDS):
+        waiting = [k for k in lines if k not in found or state_of(found[k]) not in PLACED]
+        if not waiting:
+            break
+        part = progress.part(0.2 + 0.25 * number, 0.2 + 0.25 * (number + 1))
+        for count, k in enumerate(waiting):
+            part.update(0.5 * count / len(waiting), f"Edges in {cameras[k].name}")
+            sigmas = rotation_sigma, position_sigma
+            if current is not None:
+                sigmas = _sigmas(current.pose_covariance[k], *sigmas)
+            coarse = KnownCamera(replace(cameras[k], position=cameras[k].position - origin), sigmas[1], sigmas[0])
+            found[k] = register_image(viewer, lines[k], coarse, model_sigma=model_sigma, seed=seed)
+        placed = [k for k in sorted(found) if state_of(found[k]) in PLACED]
+        if not placed:
+            break
+        term = LineTerm([_edges(k, found[k], origin) for k in placed], model_sigma)
+        terms: list[Term] = [term]
+        if len(placed) == 1 and not len(problem.control.point):
+            terms.append(FreeNet(start.cameras))
+        current = adjust_bundle(replace(start, cameras=cameras), terms=terms, robust=robust, progress=part.part(0.5, 1.0))
+        cameras = current.cameras
+    if current is None:
+        notes = next(iter(found.values())).note if found else "none was given"
+        raise BimVerifyError(f"No selected image could be placed on the model: {notes}")
+    return SeriesResult(current, found)
+
+
+def _sigmas(covariance: np.ndarray, most_rotation: float, most_position: float) -> tuple[float, float]:
+    """Of rotation [rad] and position [m] per axis, no more than those given, and enough to search in."""
+    rotation, position = (float(np.sqrt(np.linalg.eigvalsh(covariance[s, s])[-1])) for s in (slice(0, 3), slice(3, 6)))
+    return min(max(rotation, 0.2 * most_rotation), most_rotation), min(max(position, 0.2 * most_position), most_position)
+
+
+def _edges(camera: int, found: ImageRegistration, origin: np.ndarray) -> ImageEdges:
+    kept = [m for m in found.matches if m.kept]
+    lens = found.lines
+    ends = np.array([m.line for m in kept])
+    apart = np.abs(np.column_stack([lens.start, lens.end])[None] - ends[:, None]).sum(axis=2)
+    row = np.argmin(apart, axis=1)
+    line, cov = line_with_covariance(lens.start[row], lens.end[row], lens.offset_sigma[row], lens.angle_sigma[row])
+    edge = np.array([m.edge for m in kept]) + origin
+    nothing = np.zeros((len(kept), 3, 3))
+    return ImageEdges(
+        camera, LineMatches(line, cov, edge[:, 0], edge[:, 1], nothing, nothing), np.array([m.element for m in kept])
+    )
+
+
+def names_of(problem: BundleProblem, images: Sequence[str]) -> list[int]:
+    """Numbers of the cameras of images, by their names. Raises BimVerifyError for one that is not in the block."""
+    known = {c.name: k for k, c in enumerate(problem.cameras)}
+    missing = [name for name in images if name not in known]
+    if missing:
+        raise BimVerifyError(
+            f"The project has no camera for {missing[0]}; its images are named like {problem.cameras[0].name}."
+        )
+    return [known[name] for name in images]
