@@ -1,9 +1,9 @@
-"""A series of photos along a corridor and back: how far it drifts, and how far edges of the model pull it straight.
+"""A series of photos along a corridor: how far it drifts, and how far edges of the model pull it straight.
 
     python scripts/bench_series.py [--images 60] [--runs 5] [--quick] [--json FILE]
 
 The corridor is 30 m long, has doors and beams, and is built with LOA40. Tie points are found again in the next three images
-only, so nothing but the model closes the loop. The series hangs on six control points at its start, or on lines in every
+only, so errors add up along the way. The series hangs on six control points at its start, without and with lines in every
 tenth image. Errors are those of the projection centres, against the truth and against what the adjustment says of them.
 """
 

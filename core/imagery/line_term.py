@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bundle_kernels import POSE
-from .camera import Camera
+from .camera import Camera, rotation_vector
 from .element_errors import joint_covariance, line_distances
 from .uncertain_lines import LineMatches
 
@@ -27,6 +27,30 @@ class ImageEdges:
     matches: LineMatches
     element: NDArray[np.int64]
     """(N,) elements of the edges: those of one element share its error, in all images."""
+
+
+class PosePriors:
+    """Coarse poses of some images as observations: what they are worth until lines say it better. See ``bundle.Term``."""
+
+    name = "coarse poses"
+
+    def __init__(self, cameras: Sequence[Camera], chosen: Sequence[int], position_sigma: float, rotation_sigma: float) -> None:
+        """``cameras`` as given, the numbers of those that count, and their sigmas per axis [m], [rad]."""
+        self._given = {k: cameras[k] for k in chosen}
+        self._weight = np.repeat([rotation_sigma**-2, position_sigma**-2], 3)
+
+    def normals(self, cameras: Sequence[Camera]) -> tuple[Floats, Floats, float, int]:
+        """See ``bundle.Term``."""
+        information, push = np.zeros((POSE * len(cameras),) * 2), np.zeros(POSE * len(cameras))
+        squares = 0.0
+        for k, given in self._given.items():
+            here = cameras[k]
+            away = np.concatenate([rotation_vector(given.rotation @ here.rotation.T), given.position - here.position])
+            rows = np.arange(POSE * k, POSE * (k + 1))
+            information[rows, rows] = self._weight
+            push[rows] = self._weight * away
+            squares += float(self._weight @ away**2)
+        return information, push, squares, POSE * len(self._given)
 
 
 class LineTerm:

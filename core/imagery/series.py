@@ -19,7 +19,7 @@ from .cameras_file import KnownCamera
 from .coregistration import state_of
 from .detect_lines import ImageLines, line_with_covariance
 from .free_net import FreeNet
-from .line_term import ImageEdges, LineTerm
+from .line_term import ImageEdges, LineTerm, PosePriors
 from .register_image import ImageRegistration, register_image
 from .uncertain_lines import LineMatches
 from .visible_edges import EdgeViewer
@@ -70,8 +70,8 @@ def adjust_series(
             break
         term = LineTerm([_edges(k, found[k], origin) for k in placed], model_sigma)
         terms: list[Term] = [term]
-        if len(placed) == 1 and not len(problem.control.point):
-            terms.append(FreeNet(start.cameras))
+        if not len(problem.control.point):
+            terms.append(PosePriors(problem.cameras, list(lines), position_sigma, rotation_sigma))
         current = adjust_bundle(replace(start, cameras=cameras), terms=terms, robust=robust, progress=part.part(0.5, 1.0))
         cameras = current.cameras
     if current is None:

@@ -197,7 +197,9 @@ def _option_text(value: Any) -> str:
         return "estimated or not given"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return ", ".join(f"{v:g}" for v in value) if isinstance(value, tuple) else str(value)
+    if isinstance(value, tuple):
+        return ", ".join(v if isinstance(v, str) else f"{v:g}" for v in value) or "none"
+    return str(value)
 
 
 def _colors_css() -> str:

@@ -111,16 +111,11 @@ def edge_lines(viewer: EdgeViewer, camera: Camera, noise_px: float, rng: np.rand
 
 
 def walk(length: float, images: int, lens: Interior = LENS) -> tuple[Camera, ...]:
-    """A series of photos out along x and back, looking ahead; the way is ``length`` [m] long, in a corridor 2.4 m wide."""
+    """A series of photos along x, looking ahead, in a corridor of ``length`` [m] that is 2.4 m wide."""
     found = []
     for k in range(images):
-        share = 2.0 * k / (images - 1)
-        out = share <= 1.0
-        along = 0.8 + (share if out else 2.0 - share) * (length - 1.6)
-        place = np.array([along, 1.2 + 0.2 * math.sin(1.1 * k), 1.5 + 0.1 * (k % 2)])
-        turn = min(max((share - 0.7) / 0.6, 0.0), 1.0)
-        heading = math.pi * turn + 0.2 * math.sin(0.9 * k)
-        found.append(Camera(f"{k:03d}.jpg", lens, looking(heading, -0.05, 0.0), place))
+        place = np.array([0.8 + k / (images - 1) * (length - 3.8), 1.2 + 0.2 * math.sin(1.1 * k), 1.5 + 0.1 * (k % 2)])
+        found.append(Camera(f"{k:03d}.jpg", lens, looking(0.2 * math.sin(0.9 * k), -0.05, 0.0), place))
     return tuple(found)
 
 
