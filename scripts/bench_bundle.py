@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 
 PACKAGE = package()
 
+from scipy.stats import chi2  # noqa: E402
+
 from bim_verify.core.imagery.bundle import adjust_bundle  # noqa: E402
 from bim_verify.core.imagery.bundle_problem import BundleProblem, Control, ImageObservations  # noqa: E402
 from bim_verify.core.imagery.camera import Camera, Interior  # noqa: E402
@@ -120,11 +122,13 @@ def monte_carlo(runs: int) -> dict[str, float]:
     per_axis = np.sqrt(np.mean(squares, axis=(0, 1)) / np.mean(stated, axis=(0, 1)))
     each = np.sqrt(np.mean(squares, axis=0).sum(axis=1) / np.mean(stated, axis=0).sum(axis=1))
     low, high = np.percentile(each, [5, 95])
+    bounds = np.sqrt(chi2.ppf([0.025, 0.975], runs) / runs)  # of one parameter's scatter in so many runs
     poses = float(np.sqrt(np.mean(pose_squares) / np.mean(pose_stated)))
     print(
         f"Monte Carlo, {runs} runs of 24 images and {len(points)} tie points: scatter over predicted sigma of tie points x, y, "
         f"z {per_axis[0]:.3f} {per_axis[1]:.3f} {per_axis[2]:.3f}; of single points 5 to 95 % {low:.2f} to {high:.2f}; of "
-        f"projection centres {poses:.3f}; of the focal length {np.sqrt(np.mean(inside)):.3f}; chi-square per point "
+        f"projection centres {poses:.3f}; of the focal length {np.sqrt(np.mean(inside)):.3f} ({bounds[0]:.2f} to {bounds[1]:.2f} at "
+        f"95 %); chi-square per point "
         f"{np.mean(chi):.2f} (3 expected); variance factor {np.mean(factors):.3f}."
     )
     return {"points": float(per_axis.max()), "points_least": float(per_axis.min()), "poses": poses}

@@ -23,7 +23,7 @@ def sightings(deviation: list[float], occupied: float = 0.9, empty: float = 0.05
         point=np.zeros((count, 3), np.float32), glass=np.zeros(count, np.bool_),
         log_masses=np.log(np.column_stack([(1 - empty) * one, (1 - occupied) * one, (1 - occupied - empty) * one])),
         on_face=np.ones(count, np.bool_), face_normal=np.zeros((count, 3), np.float32), residual=np.array(deviation),
-        explained=np.zeros(count, np.bool_),
+        explained=np.zeros(count, np.bool_), photo=np.zeros((count, 0)),
     )
 
 
