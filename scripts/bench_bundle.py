@@ -127,8 +127,9 @@ def monte_carlo(runs: int) -> dict[str, float]:
     print(
         f"Monte Carlo, {runs} runs of 24 images and {len(points)} tie points: scatter over predicted sigma of tie points x, y, "
         f"z {per_axis[0]:.3f} {per_axis[1]:.3f} {per_axis[2]:.3f}; of single points 5 to 95 % {low:.2f} to {high:.2f}; of "
-        f"projection centres {poses:.3f}; of the focal length {np.sqrt(np.mean(inside)):.3f} ({bounds[0]:.2f} to "
-        f"{bounds[1]:.2f} at 95 %); chi-square per point {np.mean(chi):.2f} (3 expected); variance factor {np.mean(factors):.3f}."
+        f"projection centres {poses:.3f}; of the focal length {np.sqrt(np.mean(inside)):.3f} "
+        f"({bounds[0]:.2f} to {bounds[1]:.2f} at 95 %); chi-square per point {np.mean(chi):.2f} (3 expected); variance factor "
+        f"{np.mean(factors):.3f}."
     )
     return {"points": float(per_axis.max()), "points_least": float(per_axis.min()), "poses": poses}
 

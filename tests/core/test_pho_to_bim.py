@@ -29,7 +29,7 @@ from bim_verify.core.simulation.photo_block import cameras_around, dense_cloud, 
 
 from .photo_data import room
 
-PLACES = np.array([[1.3, 1.0, 1.5], [2.3, 1.3, 1.4], [2.7, 3.4, 1.6]])
+PLACES = np.array([[1.3, 1.0, 1.5], [3.6, 1.1, 1.4], [2.7, 3.4, 1.6], [2.3, 1.3, 1.4]])
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, VerificationRes
     project.write_text(json.dumps(adjusted_project(problem, adjusted, "test")))
     cloud, normal = dense_cloud(scene, cameras, 60.0, 0.003, 5)
     write_ply(dense, dict(zip(("x", "y", "z", "nx", "ny", "nz"), [*cloud.T, *normal.T], strict=True)))
-    options = VerifyOptions(sample_spacing=0.08)
+    options = VerifyOptions(sample_spacing=0.1)
     return {
         "ties": verify(model, [project], options),
         "dense": verify(model, [project], replace(options, dense=(str(dense),))),
