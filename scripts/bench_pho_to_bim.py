@@ -3,7 +3,8 @@
     python scripts/bench_pho_to_bim.py [--campaigns 3] [--loa 30] [--quick] [--json FILE]
 
 Four rooms, photographed by rings of photos in each room (0.5 pixels of noise, twelve control points of 2 mm). A block is
-adjusted, written and verified as a user would. In every campaign four elements are missing and six stand 4 to 15 cm off.
+adjusted, written and verified as a user would. In every campaign four elements are missing and six stand 4 to 15 cm off,
+along their thinnest direction.
 Accuracy counts elements that tie points say anything about; what cannot be seen must be NOTOBSERVED.
 """
 
@@ -73,22 +74,22 @@ def campaign(seed: int, loa: int, quick: bool) -> dict[str, Counter[str]]:
     for k in loose[:MISSING]:
         shift[k], truth[k] = np.nan, "missing"
     for k in [*loose[MISSING : MISSING + MOVED // 2], *walls[: MOVED - MOVED // 2]]:
-        shift[k][boxes[k].thin_axis if k in walls else int(rng.integers(2))] = rng.choice([-1, 1]) * rng.uniform(0.04, 0.15)
+        shift[k][boxes[k].thin_axis] = rng.choice([-1, 1]) * rng.uniform(0.04, 0.15)
         truth[k] = "moved"
     scene = RayScene(model, shift)
     stands = four_room_stations()[:4]
     steps = ((0.0, 0.0, 0.0), (0.9, 0.3, 0.1), (-0.8, 0.5, -0.1), (0.4, -0.8, 0.2))
-    places = np.concatenate([stands + step for step in steps])
+    places = np.concatenate([stands + step for step in (steps[:2] if quick else steps)])
     cameras = cameras_around(places, 6 if quick else 9)
     begin = time.perf_counter()
-    problem, points = photograph_block(scene, cameras, 60 if quick else 150, seed)
+    problem, points = photograph_block(scene, cameras, 120 if quick else 150, seed)
     adjusted = adjust_bundle(problem)
     sigma = float(np.median(np.sqrt(np.einsum("pii->p", adjusted.point_covariance) / 3)))
     out: dict[str, Counter[str]] = {}
     with tempfile.TemporaryDirectory() as folder:
         project, dense = Path(folder) / "adjusted.json", Path(folder) / "dense.ply"
         project.write_text(json.dumps(adjusted_project(problem, adjusted, "bench")), encoding="ascii")
-        cloud, normal = dense_cloud(scene, cameras[:: 2], 40.0, 1.5 * sigma, seed)
+        cloud, normal = dense_cloud(scene, cameras[:: 1 if quick else 2], 60.0 if quick else 40.0, 1.5 * sigma, seed)
         write_ply(dense, {
             "x": cloud[:, 0], "y": cloud[:, 1], "z": cloud[:, 2],
             "nx": normal[:, 0], "ny": normal[:, 1], "nz": normal[:, 2],
@@ -99,7 +100,7 @@ def campaign(seed: int, loa: int, quick: bool) -> dict[str, Counter[str]]:
         )
         for name, files in (("tie points", ()), ("with dense points", (str(dense),))):
             begin = time.perf_counter()
-            result = verify(model, [project], VerifyOptions(loa=loa, dense=files, sample_spacing=0.04))
+            result = verify(model, [project], VerifyOptions(loa=loa, dense=files, sample_spacing=0.08 if quick else 0.04))
             out[name] = Counter(f"{t}|{v.status}" for t, v in zip(truth, result.verdicts, strict=True))
             print(f"  {name}: {time.perf_counter() - begin:.0f} s, coverage {result.summary()['coverage']:.0%}")
             for t, v in zip(truth, result.verdicts, strict=True):

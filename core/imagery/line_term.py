@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 
 from .bundle_kernels import POSE
 from .camera import Camera, rotation_vector
@@ -54,22 +55,26 @@ class PosePriors:
 
 
 class LineTerm:
-    """See ``bundle.Term``. ``model_sigma`` [m] per axis is that of the model's edges."""
+    """See ``bundle.Term``. ``model_sigma`` [m] per axis is that of the model's edges.
+
+    Weights are those at the poses that the images were placed with, so the squares have one minimum.
+    """
 
     name = "lines on edges"
 
-    def __init__(self, images: Sequence[ImageEdges], model_sigma: float) -> None:
+    def __init__(self, images: Sequence[ImageEdges], model_sigma: float, placed: Sequence[Camera]) -> None:
+        """``placed`` are the cameras of ``images``, as they were placed, in the frame of the block."""
         self.images, self._model_sigma = tuple(images), model_sigma
         element = np.concatenate([i.element for i in images])
-        self._same = element[:, None] == element[None, :]
+        same = element[:, None] == element[None, :]
+        parts = [line_distances(i.matches, c, model_sigma, False) for i, c in zip(images, placed, strict=True)]
+        cov = joint_covariance(np.concatenate([p[2] for p in parts]), np.concatenate([p[3] for p in parts]), same, model_sigma)
+        self._factor = cho_factor(cov, lower=True)
 
     def normals(self, cameras: Sequence[Camera]) -> tuple[Floats, Floats, float, int]:
         """See ``bundle.Term``."""
         parts = [line_distances(i.matches, cameras[i.camera], self._model_sigma, False) for i in self.images]
         value = np.concatenate([p[0] for p in parts])
-        cov = joint_covariance(
-            np.concatenate([p[2] for p in parts]), np.concatenate([p[3] for p in parts]), self._same, self._model_sigma
-        )
         design = np.zeros((len(value), POSE * len(cameras)))
         row = 0
         for image, part in zip(self.images, parts, strict=True):
@@ -77,7 +82,7 @@ class LineTerm:
             design[row : row + rows, POSE * image.camera : POSE * (image.camera + 1)] = part[1]
             row += rows
         used = np.concatenate([np.arange(POSE * i.camera, POSE * (i.camera + 1)) for i in self.images])
-        weighted = np.linalg.solve(cov, np.column_stack([design[:, used], value]))
+        weighted = cho_solve(self._factor, np.column_stack([design[:, used], value]))
         information = np.zeros((POSE * len(cameras),) * 2)
         information[np.ix_(used, used)] = design[:, used].T @ weighted[:, :-1]
         push = np.zeros(POSE * len(cameras))

@@ -68,7 +68,8 @@ def adjust_series(
         placed = [k for k in sorted(found) if state_of(found[k]) in PLACED]
         if not placed:
             break
-        term = LineTerm([_edges(k, found[k], origin) for k in placed], model_sigma)
+        at = [replace(found[k].camera, position=found[k].camera.position + origin) for k in placed]
+        term = LineTerm([_edges(k, found[k], origin) for k in placed], model_sigma, at)
         terms: list[Term] = [term]
         if not len(problem.control.point):
             terms.append(PosePriors(problem.cameras, list(lines), position_sigma, rotation_sigma))
