@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -19,11 +20,15 @@ from bim_verify.core.imagery.line_pose import pose_difference
 from bim_verify.core.imagery.model_edges import sharp_edges
 from bim_verify.core.imagery.series import adjust_series, names_of
 from bim_verify.core.imagery.visible_edges import EdgeViewer
+from bim_verify.core.jobs.bundle import ModelEdges
+from bim_verify.core.jobs.bundle import bundle as run_bundle
 from bim_verify.core.model.raycast import RayScene
 from bim_verify.core.simulation.box_building import box, building_model
+from bim_verify.core.simulation.photo import photograph
 from bim_verify.core.simulation.photo_block import edge_lines, photograph_block, walk
 
 from .imagery_data import bundle
+from .photo_data import camera, room
 
 LENGTH_M = 8.0
 
@@ -109,3 +114,22 @@ def test_a_bundler_file_is_the_block_that_was_written(tmp_path: Path) -> None:
     (tmp_path / "cut.out").write_text("\n".join((tmp_path / "b.out").read_text().splitlines()[:50]))
     with pytest.raises(BimVerifyError, match="damaged"):
         read_bundler(tmp_path / "cut.out", 0.5)
+
+
+def test_photos_on_disk_tie_a_block_to_the_model(tmp_path: Path) -> None:
+    model = room(origin=(100.0, 50.0, 0.0))
+    local = [camera("a.png"), camera("b.png").moved(np.array([0.0, 0.1, 0.0]), np.array([0.5, 0.2, 0.05]))]
+    for k, one in enumerate(local):
+        cv2.imwrite(str(tmp_path / one.name), photograph(model, one, seed=k))
+    third = replace(local[0].moved(np.zeros(3), np.array([0.3, 0.0, 0.1])), name="c.png")
+    problem, _ = photograph_block(RayScene(model), [*local, third], 80, 7, control=0, free=())
+    shifted = replace(
+        problem, cameras=tuple(replace(c, position=c.position + model.origin) for c in problem.cameras),
+        points=problem.points + model.origin,
+    )
+    found = run_bundle(shifted, edges=ModelEdges(
+        model=model, images=[tmp_path / one.name for one in local], loa=50, position_sigma=0.05, rotation_sigma=0.01
+    ))
+    assert set(found.placed.values()) <= {"REFINED", "PARTLY"} and set(found.placed) == {"a.png", "b.png"}
+    for one, truth in zip(found.result.cameras, local, strict=False):
+        assert np.linalg.norm(one.position - model.origin - truth.position) < 0.01
