@@ -24,7 +24,7 @@ from bim_verify.core.report.csv_out import elements_csv, guard
 from bim_verify.core.report.render import render_view
 from bim_verify.core.report.rows import element_rows
 from bim_verify.core.report.section import cut_mask
-from bim_verify.core.results import STATUSES, Decision, VerificationResult
+from bim_verify.core.results import STATUSES, Decision, ElementPhotos, VerificationResult
 
 from .factory import small_result
 
@@ -67,7 +67,10 @@ def hostile_result(tmp_path_factory: pytest.TempPathFactory) -> VerificationResu
     return replace(
         result, verdicts=verdicts, model=model, stations=stations, alignment=alignment, warnings=HOSTILE[:2],
         method=HOSTILE[0], scan_paths=(HOSTILE[0],), scan_date=HOSTILE[1], timings={HOSTILE[0]: 1.0},
-        dropped={HOSTILE[1]: 2},
+        dropped={HOSTILE[1]: 2}, photos=(
+            ElementPhotos("g", HOSTILE[0], 10, 2, 0.05, 0.002, (1.0, 2.0, 3.0), 0, None, None, None,
+                          {40: 0.1, 30: 0.2, 20: 0.3}),
+        ),
     )  # fmt: skip
 
 
