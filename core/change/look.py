@@ -8,7 +8,7 @@ noise at a voxel's border plays no part. Voxels then say where and how much.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -20,6 +20,8 @@ from ..evidence.decide import Context, Place, enough_seen, standing_shares
 from ..evidence.error_model import estimate_errors
 from ..evidence.gather import SensorModel
 from ..evidence.scenery import Scenery, with_glass
+from ..evidence.search import MOST_AXES
+from ..evidence.sightings import SEARCH_M
 from ..evidence.thresholds import Thresholds
 from ..evidence.verify import comes_near, looks_through_glass, places
 from ..model.elements import BuildingModel
@@ -29,8 +31,9 @@ from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..sensing.loa import level_sigma, worst_voxel_shift
 from .overlap import ABSENT_OVERLAP, overlap
+from .own_evidence import OwnEvidence, own_evidence, shows_gone, shows_standing
 from .parts import Parts
-from .twins import find_twins
+from .shared_surface import find_shared
 
 Seen = Literal["STANDS", "GONE", "MOVED", "PART", "UNSEEN"]
 LOA = 30
@@ -113,20 +116,24 @@ def look_at_elements(
         found.samples.element, weights=found.samples.area * found.samples.exposed, minlength=len(model.elements)
     )
     tolerance = change_tolerance(edge, sigma, registration_sigma)
-    twins = find_twins(model, samples, surfaces, parts)
-    sights = [
-        _sight(model, row, plan, best, float(exposed[row]), tolerance, context)
-        for row, (plan, best) in enumerate(zip(found.plans, found.best, strict=True))
-    ]
-    elements = tuple(
-        sight if twin < 0 or sights[twin].seen in ("GONE", "MOVED") else _either(model, int(twin), sight)
-        for sight, twin in zip(sights, twins, strict=True)
-    )
+    shared = find_shared(model, found.samples, surfaces, parts)
+    known_gone = np.zeros(len(model.elements), np.bool_)
+    for _ in range(2):  # what is gone shares its surface with nobody
+        own = own_evidence(
+            found.seen, found.samples, scenery.station_positions, surfaces,
+            shared.in_doubt(len(found.samples), known_gone), window, registration_sigma, len(model.elements),
+        )
+        elements = tuple(
+            _sight(model, row, plan, best, float(exposed[row]), tolerance, context, own, shared.main_partner(row, known_gone))
+            for row, (plan, best) in enumerate(zip(found.plans, found.best, strict=True))
+        )
+        known_gone = np.array([e.seen in ("GONE", "MOVED") for e in elements])
     return EpochSight(elements, registration_sigma, context.see_through, tolerance)
 
 
 def _sight(
-    model: BuildingModel, row: int, plan: Place, best: Place, exposed: float, tolerance: float, context: Context
+    model: BuildingModel, row: int, plan: Place, best: Place, exposed: float, tolerance: float, context: Context,
+    own: OwnEvidence, partner: int,
 ) -> ElementSight:
     t = context.thresholds
     share = (plan.at + plan.beyond) / max(exposed, 1e-12)
@@ -137,7 +144,7 @@ def _sight(
     def sight(seen: Seen, reason: str, place: Place = plan, where: bool = True) -> ElementSight:
         return ElementSight(seen, place.at, plan.beyond, exposed, vector if where else None, reason)
 
-    if best is not plan:
+    if best is not plan and _found(best, plan, overlap(model, row, best.shift), context):
         if length <= tolerance and overlap(model, row, best.fit.vector) > ABSENT_OVERLAP:
             near = f"It stands {1000 * length:.0f} mm from its planned place, which voxels do not tell apart."
             return sight("STANDS", near, best)
@@ -148,28 +155,42 @@ def _sight(
         few = f"Only {share:.1%} of its surface was in view of a station, of {plan.rays} rays; that is no evidence."
         return sight("UNSEEN", few, where=False)
     absent, present = standing_shares(model.elements[row].ifc_class, model.transparent[_triangles(model, row)], t)
-    if plan.share <= absent and share < t.absent_seen_share:
-        little = f"Rays pass through {1 - plan.share:.0%} of what was in view, but that is only {share:.1%} of its surface."
-        return sight("UNSEEN", little, where=False)
-    if plan.share <= absent:
-        return sight("GONE", f"Rays pass through {1 - plan.share:.0%} of the {share:.0%} of its surface in view.", where=False)
-    if plan.share < present:
-        return sight("PART", f"{plan.share:.0%} of its surface in view is at its place; rays pass through the rest.")
-    if length > tolerance:
-        return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.")
-    return sight("STANDS", f"{plan.share:.0%} of the {share:.0%} of its surface in view is at its place.")
+    at, through, mine = int(own.beams_at[row]), int(own.beams_through[row]), own.share(row)
+    stands, gone = shows_standing(at, through, absent), shows_gone(at, through, present)
+    if mine <= absent and gone:
+        if share < t.absent_seen_share:
+            little = f"Rays pass through {1 - mine:.0%} of what was in view, but that is only {share:.1%} of its surface."
+            return sight("UNSEEN", little, where=False)
+        return sight("GONE", f"Rays pass through {1 - mine:.0%} of the {share:.0%} of its surface in view.", where=False)
+    if absent < mine < present and shows_standing(at, 0, absent) and shows_gone(0, through, present):
+        return sight("PART", f"{mine:.0%} of its surface in view is at its place; rays pass through the rest.")
+    if mine >= present and stands:
+        if length > tolerance:
+            return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.")
+        return sight("STANDS", f"{mine:.0%} of the {share:.0%} of its surface in view is at its place.")
+    if partner >= 0 and own.either[row] > own.at[row]:
+        other = model.elements[partner]
+        name = f"{other.ifc_class} {other.name}".strip()
+        return sight("UNSEEN", (
+            f"What was found of its surface is also that of {name} ({other.global_id}): it may be either."
+        ), where=False)
+    return sight("UNSEEN", (
+        f"{at} beams return from it and {through} clearly pass through it: too few to tell whether it stands."
+    ), where=False)
 
 
-def _either(model: BuildingModel, twin: int, sight: ElementSight) -> ElementSight:
-    """What stands where two elements share a surface may be either of them; where nothing stands, both are gone."""
-    if sight.seen not in ("STANDS", "PART"):
-        return sight
-    other = model.elements[twin]
-    name = f"{other.ifc_class} {other.name}".strip()
-    return replace(
-        sight, seen="UNSEEN", shift=None,
-        reason=f"All of its open surface is also that of {name} ({other.global_id}): what was found there may be either.",
-    )
+def _found(place: Place, plan: Place, overlaps: float, context: Context) -> bool:
+    """Whether an element was found at a place other than its planned one, more than one of many places fits by chance.
+
+    An element that slid along its faces left a strip: rays that pass elsewhere still speak against it. ``overlaps`` is the
+    share of it that lies on its planned place.
+    """
+    t = context.thresholds
+    tried = 2 * MOST_AXES * SEARCH_M / (1.5 * context.window)
+    beyond = max(place.beyond, plan.beyond - (1.0 - overlaps) * plan.exposed) if place.at == plan.at else place.beyond
+    share = place.at / max(place.at + beyond, 1e-12)
+    at = round(share * place.rays)
+    return share >= t.present_share and shows_standing(at, place.rays - at, t.absent_share, tried)
 
 
 def _triangles(model: BuildingModel, row: int) -> NDArray[np.int64]:

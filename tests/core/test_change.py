@@ -20,8 +20,8 @@ from bim_verify.core.change.overlap import overlap
 from bim_verify.core.change.planned import Planned, parse_date
 from bim_verify.core.change.progress import expected_state, judge
 from bim_verify.core.change.results import ChangeResult, ElementChange
+from bim_verify.core.change.shared_surface import find_shared
 from bim_verify.core.change.solids import mesh_volumes, voxelise
-from bim_verify.core.change.twins import find_twins
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.jobs import change
 from bim_verify.core.model.elements import BuildingModel
@@ -211,9 +211,16 @@ def test_a_part_and_its_whole_are_no_twins() -> None:
     column = list(PLAN).index("column")
     twice = with_copy(plan, column)
     samples = sample_surface(twice, 0.1)
-    found = find_twins(twice, samples, ElementSurfaces(twice))
-    assert found[column] == len(PLAN) and found[len(PLAN)] == column
-    assert (find_twins(twice, samples, ElementSurfaces(twice), frozenset({(len(PLAN), column)})) == -1).all()
+    surfaces, nobody = ElementSurfaces(twice), np.zeros(len(twice.elements), np.bool_)
+    found = find_shared(twice, samples, surfaces)
+    assert found.main_partner(column, nobody) == len(PLAN) and found.main_partner(len(PLAN), nobody) == column
+    doubt = found.in_doubt(len(samples), nobody)
+    assert doubt[(samples.element == column) & samples.exposed].all()
+    gone = nobody.copy()
+    gone[len(PLAN)] = True
+    assert not found.in_doubt(len(samples), gone)[samples.element == column].any() and found.main_partner(column, gone) == -1
+    apart = find_shared(twice, samples, surfaces, frozenset({(len(PLAN), column)}))
+    assert apart.main_partner(column, nobody) == -1
 
 
 def test_where_an_element_came_from_elsewhere_it_is_new() -> None:
