@@ -136,9 +136,10 @@ class Tally:
             fact, edit = truth["elements"][element.global_id], edits.get(row)
             who = f"{where}: {element.ifc_class} {element.name} {edit or ''}"
             why = f": {reasons[row]}" if reasons else ""
-            if state == "DISAPPEARED" and (edit is None or fact["witnessed"] < 0.01):
+            hidden = fact["witnessed"] < 0.01 and fact["hits"] < 20
+            if state == "DISAPPEARED" and (edit is None or hidden):
                 self.false_gone.append(f"{who}{why}")
-            if fact["witnessed"] < 0.01 and fact["hits"] < 20 and state != "UNKNOWN":
+            if hidden and state != "UNKNOWN":
                 self.misses.append(f"{who} is hidden, but {state}{why}")
             if fact["witnessed"] < LEAST_WITNESSED:
                 continue

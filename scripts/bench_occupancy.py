@@ -4,9 +4,10 @@
         [--processor-time]
 
 The rays are those of stations in a furnished room, read and kept as ``change`` keeps them (``--memory-gb``, beyond it in a
-temporary file). Both ways get the same rays, sorted the same way, with the same guards, the same voxels and the same threads:
-"shared" is what both need (sorting, guards of rays, votes of returns, voxels that are settled by votes), "free space" is what
-differs: walking all rays, or asking the voxels. Labels are compared on all voxels within two voxels of an occupied one.
+temporary file). Both ways get the same rays with the same guards, the same voxels and the same threads: "shared" is what both
+need: votes of returns, voxels that are settled by them, and the guards, which are fitted to neighbouring returns, so that these
+are sorted by direction once. "Free space" is what differs: walking all rays, or summing up the bins and asking the voxels.
+Labels are compared on all voxels within two voxels of an occupied one.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from bim_verify.core.occupancy.epoch import (
 )
 from bim_verify.core.occupancy.free_space import PASSED, label_voxels
 from bim_verify.core.occupancy.grid import CELLS, VoxelGrid
-from bim_verify.core.occupancy.station_rays import station_rays
+from bim_verify.core.occupancy.station_rays import clear_rays, summarise
 from bim_verify.core.occupancy.traverse import walk_rays
 from bim_verify.core.progress import Progress
 from bim_verify.core.scans.campaign import DropCount, ReturnBlock, Station
@@ -162,16 +163,17 @@ def compare(
     fast = slow = 0.0
     loop = clock()
     for station, index, sector in stations.visit(sensor, progress):
-        rays = station_rays(index, stations.count(station), grid.edge, owned(index.returns, sector))
+        clear = clear_rays(index, stations.count(station), grid.edge, owned(index.returns, sector))
         begin = clock()
+        rays = summarise(clear)
         label_voxels(table.keys, asked, stations.position[station], grid.anchor, grid.edge, rays, labels, sector)
         fast += clock() - begin
         if exact:
             begin = clock()
-            walk_rays(rays.end, stations.position[station], grid.anchor, grid.edge, table, walked)
+            walk_rays(clear.end, stations.position[station], grid.anchor, grid.edge, table, walked)
             slow += clock() - begin
     guards = clock() - loop - fast - slow
-    say(f"shared: guards of rays, and sorting again where returns do not fit into memory, {guards:.1f} s")
+    say(f"shared: guards of rays {guards:.1f} s")
     say(f"free space the fast way {fast:.1f} s")
     say(f"peak memory{' of both ways together' if exact else ''} "
         f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB")

@@ -103,7 +103,7 @@ def ratios(
     stands = now.seen not in ("GONE", "UNSEEN") and found.state != "UNKNOWN"
     built = 0.0
     if stands and now.exposed > 0:
-        at = min(now.at / max(now.exposed - now.beyond, 1e-12), 1.0)
+        at = min(now.at / max(now.exposed - now.beyond - now.silent, 1e-12), 1.0)
         gone = max(gone, (1.0 - found.overlap) * at)
         built = min((1.0 - gone) * at, found.overlap)
     new = built if found.state == "NEW" else 0.0

@@ -31,7 +31,7 @@ from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..sensing.loa import level_sigma, worst_voxel_shift
 from .overlap import ABSENT_OVERLAP, overlap
-from .own_evidence import OwnEvidence, own_evidence, shows_gone, shows_standing
+from .own_evidence import OwnEvidence, from_touching, own_evidence, shows_gone, shows_standing
 from .parts import Parts
 from .shared_surface import find_shared
 
@@ -54,6 +54,8 @@ class ElementSight:
     shift: tuple[float, float, float] | None
     """Where it stands against the plan, in the directions the scan determines."""
     reason: str
+    silent: float = 0.0
+    """Area, mostly near edges, of which beams close by tell nothing though nothing hides it: it is as the rest."""
 
     @property
     def distance(self) -> float:
@@ -117,10 +119,12 @@ def look_at_elements(
     )
     tolerance = change_tolerance(edge, sigma, registration_sigma)
     shared = find_shared(model, found.samples, surfaces, parts)
+    touching, behind = from_touching(found.seen, model, found.samples, surfaces, window, sigma, parts)
     known_gone = np.zeros(len(model.elements), np.bool_)
     for _ in range(2):  # what is gone shares its surface with nobody
+        seen = found.seen.explained_too(touching[~known_gone[behind]])
         own = own_evidence(
-            found.seen, found.samples, scenery.station_positions, surfaces,
+            seen, found.samples, scenery.station_positions, surfaces,
             shared.in_doubt(len(found.samples), known_gone), window, registration_sigma, len(model.elements),
         )
         elements = tuple(
@@ -142,7 +146,8 @@ def _sight(
     length = 0.0 if shift is None else float(np.linalg.norm(shift))
 
     def sight(seen: Seen, reason: str, place: Place = plan, where: bool = True) -> ElementSight:
-        return ElementSight(seen, place.at, plan.beyond, exposed, vector if where else None, reason)
+        silent = float(own.silent[row]) if place is plan else 0.0
+        return ElementSight(seen, place.at, plan.beyond, exposed, vector if where else None, reason, silent)
 
     if best is not plan and _found(best, plan, overlap(model, row, best.shift), context):
         if length <= tolerance and overlap(model, row, best.fit.vector) > ABSENT_OVERLAP:

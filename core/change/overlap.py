@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..evidence.hypotheses import face_groups
 from ..evidence.thresholds import Thresholds
 from ..model.elements import BuildingModel
 
@@ -13,11 +14,16 @@ ABSENT_OVERLAP = Thresholds.absent_share
 
 
 def overlap(model: BuildingModel, row: int, shift: NDArray[np.float64]) -> float:
-    """Share of an element's extent along a shift [m] that overlaps itself after the shift: exact for prisms along it."""
+    """Share of an element that overlaps itself after a shift [m]: what its extents along the shift and across its main faces
+    leave of it, the least of them. Exact for boxes along their faces; a board that moves by its thickness, and a hair sideways,
+    has left its place."""
     length = float(np.linalg.norm(shift))
     if length < 1e-9:
         return 1.0
     start = model.triangle_start
-    corner = model.vertices[model.triangles[start[row] : start[row + 1]]].reshape(-1, 3)
-    extent = float(np.ptp(corner @ (shift / length)))
-    return max(1.0 - length / max(extent, 1e-9), 0.0)
+    corner = model.vertices[model.triangles[start[row] : start[row + 1]]]
+    across = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    area = np.linalg.norm(across, axis=1)
+    axes = np.vstack([shift / length, face_groups(across / np.maximum(area, 1e-12)[:, None], area)[1]])
+    extent = np.ptp(corner.reshape(-1, 3) @ axes.T, axis=0)
+    return max(float((1.0 - np.abs(axes @ shift) / np.maximum(extent, 1e-9)).min()), 0.0)

@@ -16,14 +16,19 @@ from scipy.stats import binom
 from ..evidence.decide import shared_area
 from ..evidence.sightings import AT, BEYOND, ON_FACE_M, Sightings
 from ..evidence.slide import crossings
+from ..model.elements import BuildingModel
 from ..model.on_element import ElementSurfaces
 from ..model.samples import SurfaceSamples
+from .parts import Parts
+from .shared_surface import on_others
 
 BEAM_EXIT_RADIUS_M = 0.003
 BEAM_SPREAD_RAD = 1.5e-4
 """Half of the diameter (1/e2) and divergence that makers of terrestrial scanners state: 6 mm and 0.3 mrad."""
 WELL_INSIDE = 0.5
 """A beam whose middle lies this many radii inside an edge has 84 % of its light on the surface (normal distribution)."""
+TOLD_APART_SIGMAS = 2.0
+"""Returns within this many sensor sigmas of a surface lie on it (95 %)."""
 ERROR_RATE = 0.05
 """Of a wrong verdict by the chance of few beams."""
 
@@ -38,6 +43,8 @@ class OwnEvidence:
     """Found, but another element has the same surface there."""
     beyond: NDArray[np.float64]
     """Rays passed through."""
+    silent: NDArray[np.float64]
+    """Of positions near an edge: the nearest beams passed beside it, or returned from what touches it there."""
     beams_at: NDArray[np.int64]
     """Different returns from what is its alone."""
     beams_through: NDArray[np.int64]
@@ -46,6 +53,24 @@ class OwnEvidence:
     def share(self, row: int) -> float:
         """Share of what was seen of it that is at its place."""
         return float(self.at[row] / max(self.at[row] + self.beyond[row], 1e-12))
+
+
+def from_touching(
+    seen: Sightings, model: BuildingModel, samples: SurfaceSamples, surfaces: ElementSurfaces, window: float, sigma: float,
+    parts: Parts,
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pairs (row of ``seen``, other element): returns at an element's place that lie on another one's face, not on its own.
+
+    A board's back lies in the face of the wall that it covers: rays through the model (``explain``) may meet the one and miss
+    the other; without the board its wall is seen within the window.
+    """
+    near = TOLD_APART_SIGMAS * sigma
+    row = np.flatnonzero(seen.on_face & (seen.state(window) == AT) & (np.abs(seen.deviation) > near + sigma))
+    sample = seen.sample[row]
+    at, other = on_others(
+        model, surfaces, seen.point[row].astype(np.float64), samples.normal[sample], samples.element[sample], near, parts
+    )
+    return row[at], other
 
 
 def own_evidence(
@@ -63,30 +88,42 @@ def own_evidence(
     element = samples.element[sample].astype(np.int64)
     area = shared_area(seen, samples.area[sample], at | beyond)
     unsure = at & doubt[sample]
-    sums = [np.bincount(element[of], weights=area[of], minlength=elements) for of in (at & ~unsure, unsure, beyond)]
-    key = seen.ray_key(slice(None))
-    own = _count_beams(element, key, at & ~unsure, elements)
-    through = beyond.copy()
-    row = np.flatnonzero(beyond)
-    through[row] = clearly_inside(seen.rows(row), samples, stations, surfaces, registration_sigma)
-    through &= ~_same_beam(element, key, at)
-    return OwnEvidence(sums[0], sums[1], sums[2], own, _count_beams(element, key, through, elements))
+    found, either, passed = (
+        np.bincount(element[of], weights=area[of], minlength=elements).astype(np.float64)
+        for of in (at & ~unsure, unsure, beyond)
+    )
+    telling = np.flatnonzero(at | beyond)
+    beam = _beam_of(seen, element, telling)
+    returned, sure = np.unique(beam[at[telling]]), (at & ~unsure)[telling]
+    row = telling[beyond[telling] & ~np.isin(beam, returned)]
+    inside = row[clearly_inside(seen.rows(row), samples, stations, surfaces, registration_sigma)]
+    return OwnEvidence(
+        found, either, passed, _silent(seen, samples, window, at | beyond, elements),
+        _count_beams(element[telling[sure]], beam[sure], elements),
+        _count_beams(element[inside], _beam_of(seen, element, inside), elements),
+    )
 
 
-def _same_beam(element: NDArray[np.int64], key: NDArray[np.uint64], at: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(M,) whether the same beam returned from another position of the same element."""
-    pair = np.stack([element.astype(np.uint64), key], axis=1)
-    kind = np.dtype([("element", np.uint64), ("key", np.uint64)])
-    flat = np.ascontiguousarray(pair).view(kind).ravel()
-    return np.asarray(np.isin(flat, flat[at]))
+def _silent(
+    seen: Sightings, samples: SurfaceSamples, window: float, telling: NDArray[np.bool_], elements: int
+) -> NDArray[np.float64]:
+    """(E,) m2 of exposed positions of which beams close by tell nothing, though nothing hides them."""
+    aside = ~seen.on_face | (seen.explained & (np.abs(seen.deviation) <= window))
+    told, near = (np.bincount(seen.sample[of], minlength=len(samples)) > 0 for of in (telling, aside))
+    weight = samples.area * (samples.exposed & near & ~told)
+    return np.bincount(samples.element, weights=weight, minlength=elements).astype(np.float64)
 
 
-def _count_beams(
-    element: NDArray[np.int64], key: NDArray[np.uint64], chosen: NDArray[np.bool_], elements: int
-) -> NDArray[np.int64]:
-    """(E,) different beams among the ``chosen`` rows."""
-    pair = np.unique(np.stack([element[chosen].astype(np.uint64), key[chosen]], axis=1), axis=0)
-    return np.bincount(pair[:, 0].astype(np.int64), minlength=elements)
+def _beam_of(seen: Sightings, element: NDArray[np.int64], row: NDArray[np.int64]) -> NDArray[np.uint64]:
+    """(K,) a number for each row's beam and element: the same beam may tell of several elements."""
+    mixed = (seen.ray_key(row) + element[row].astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
+    return np.asarray(mixed ^ (mixed >> np.uint64(29)))
+
+
+def _count_beams(element: NDArray[np.int64], beam: NDArray[np.uint64], elements: int) -> NDArray[np.int64]:
+    """(E,) different beams of each element."""
+    _, first = np.unique(beam, return_index=True)
+    return np.bincount(element[first], minlength=elements)
 
 
 def clearly_inside(

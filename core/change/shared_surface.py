@@ -7,7 +7,8 @@ in doubt: what stands is both.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,44 +54,61 @@ def find_shared(
     model: BuildingModel, samples: SurfaceSamples, surfaces: ElementSurfaces, parts: Parts = frozenset()
 ) -> SharedSurface:
     """All such pairs among the exposed ``samples``; a part and its whole are none."""
-    low, high = model.element_bounds
-    low, high = low - SAME_SURFACE_M, high + SAME_SURFACE_M
-    first = samples.first_of(len(model.elements))
-    found: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
-    rows: list[NDArray[np.int64]] = []
-    others: list[NDArray[np.int64]] = []
-    waiting = 0
-    for row in range(len(model.elements)):
-        own = np.arange(first[row], first[row + 1])
-        own = own[samples.exposed[own]]
-        if not len(own):
-            continue
-        place = samples.position[own]
-        near = (low <= high[row]).all(axis=1) & (high >= low[row]).all(axis=1)
-        for other in np.flatnonzero(near).tolist():
-            if other == row or (row, other) in parts or (other, row) in parts or first[other] == first[other + 1]:
-                continue
-            within = own[((place >= low[other]) & (place <= high[other])).all(axis=1)]
-            rows.append(within)
-            others.append(np.full(len(within), other))
-            waiting += len(within)
-        if waiting > ASKED_AT_ONCE:
-            found.append(_on_others(np.concatenate(rows), np.concatenate(others), samples, first, surfaces))
-            rows, others, waiting = [], [], 0
-    if waiting:
-        found.append(_on_others(np.concatenate(rows), np.concatenate(others), samples, first, surfaces))
-    none = np.zeros(0, np.int64)
-    sample, partner = (np.concatenate([none, *(f[k] for f in found)]) for k in (0, 1))
+    row = np.flatnonzero(samples.exposed)
+    at, partner = on_others(
+        model, surfaces, samples.position[row], samples.normal[row], samples.element[row], SAME_SURFACE_M, parts
+    )
+    sample = row[at]
     return SharedSurface(sample, samples.element[sample].astype(np.int64), partner, samples.area[sample])
 
 
-def _on_others(
-    sample: NDArray[np.int64], other: NDArray[np.int64], samples: SurfaceSamples, first: NDArray[np.int64],
-    surfaces: ElementSurfaces,
+def on_others(
+    model: BuildingModel, surfaces: ElementSurfaces, point: NDArray[np.float64], normal: NDArray[np.float64],
+    element: NDArray[np.int32], within: float, parts: Parts,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Those of the pairs whose position lies on a surface of the other element."""
-    on = surfaces.face_at(
-        samples.position[sample].astype(np.float64), samples.normal[sample].astype(np.float64), other.astype(np.int32),
-        samples.triangle[first[other]].astype(np.int32), SAME_SURFACE_M,
-    )
-    return sample[on >= 0], other[on >= 0]
+    """Pairs (row, other): which points (N, 3), of ``element`` (N,) in ascending order, lie on a face of which other element.
+
+    The face is within ``within`` metres and less than 60 degrees from ``normal`` (N, 3). Asked element by element, because
+    rays meet only one of two faces that lie in each other.
+    """
+    none = np.zeros(0, np.int64)
+    found, waiting = [(none, none)], _Waiting()
+    low, high = model.element_bounds
+    low, high = low - within, high + within
+    edge = np.flatnonzero(np.diff(element, prepend=-1, append=-1))
+
+    def ask() -> None:
+        row, other = np.concatenate([none, *waiting.row]), np.concatenate([none, *waiting.other])
+        on = surfaces.face_at(
+            point[row].astype(np.float64), normal[row].astype(np.float64), other.astype(np.int32),
+            model.triangle_start[other].astype(np.int32), within,
+        )
+        found.append((row[on >= 0], other[on >= 0]))
+        waiting.row, waiting.other, waiting.count = [], [], 0
+
+    for begin, end in pairwise(edge.tolist()):
+        own = int(element[begin])
+        place = point[begin:end]
+        for other in np.flatnonzero((low <= place.max(axis=0)).all(axis=1) & (high >= place.min(axis=0)).all(axis=1)).tolist():
+            if other != own and (own, other) not in parts and (other, own) not in parts:
+                waiting.add(begin + np.flatnonzero(((place >= low[other]) & (place <= high[other])).all(axis=1)), other)
+        if waiting.count > ASKED_AT_ONCE:
+            ask()
+    ask()
+    row, other = (np.concatenate([f[k] for f in found]) for k in (0, 1))
+    return row, other
+
+
+@dataclass
+class _Waiting:
+    """Pairs that are to be asked together."""
+
+    row: list[NDArray[np.int64]] = field(default_factory=list)
+    other: list[NDArray[np.int64]] = field(default_factory=list)
+    count: int = 0
+
+    def add(self, row: NDArray[np.int64], other: int) -> None:
+        if len(row):
+            self.row.append(row)
+            self.other.append(np.full(len(row), other))
+            self.count += len(row)

@@ -50,6 +50,8 @@ class StationIndexes:
         self._store = store
         self.stations = store.stations
         self._kept: dict[int, StationIndex] = {}
+        self._sorted: dict[int, StationIndex] = {}
+        """Without their returns, which the store has in this order."""
         self.position = [s.position - origin for s in store.stations]
         self.spacing = [math.nan for _ in store.stations]
 
@@ -82,6 +84,9 @@ class StationIndexes:
         if station in self._kept:
             yield station, self._kept[station], None
             return
+        if station in self._sorted:
+            yield station, replace(self._sorted[station], returns=self._store.whole(station)), None
+            return
         for tile in self._store.tiles(station, self._margin(station, sensor)):
             sector = np.array([tile.first, tile.last])
             whole = tile.last - tile.first >= 2 * np.pi
@@ -100,14 +105,19 @@ class StationIndexes:
             index = build_index(tile.offsets, rough, tile.photo)
             direction, angle = neighbour_angles(index, self._store.count(station))
             angles.append(angle[tile.owns(direction)])
-            if self._store.fits and tile.last - tile.first >= 2 * np.pi:
+            if tile.last - tile.first >= 2 * np.pi:
                 measured = median_spacing(angles[0])
                 if 0.5 < measured / rough < 2.0:
-                    self._kept[station] = replace(index, spacing_rad=measured)
+                    index = replace(index, spacing_rad=measured)
                 else:
-                    self._kept[station] = build_index(index.returns, measured if measured > 0 else rough, index.photo)
-                self.spacing[station] = self._kept[station].spacing_rad
-                self._store.release(station)
+                    index = build_index(index.returns, measured if measured > 0 else rough, index.photo)
+                self.spacing[station] = index.spacing_rad
+                if self._store.fits:
+                    self._kept[station] = index
+                    self._store.release(station)
+                elif index.photo is None:
+                    self._store.rewrite(station, index.returns)
+                    self._sorted[station] = replace(index, returns=np.zeros((0, 3)))
                 return
         measured = median_spacing(np.concatenate(angles))
         self.spacing[station] = measured if measured > 0 else rough

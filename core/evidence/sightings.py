@@ -95,6 +95,12 @@ class Sightings:
         """A subset; a slice of rows shares memory with the whole."""
         return Sightings(**{name: value[chosen] for name, value in vars(self).items()})
 
+    def explained_too(self, row: NDArray[np.int64]) -> Sightings:
+        """The same with these rows explained."""
+        explained = self.explained.copy()
+        explained[row] = True
+        return Sightings(**{**vars(self), "explained": explained})
+
     @staticmethod
     def join(parts: list[Sightings]) -> Sightings:
         """All rows of several."""

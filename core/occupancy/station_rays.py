@@ -49,32 +49,41 @@ class Bins:
 
 
 @dataclass(frozen=True)
-class StationRays:
-    """Rays of one station, or of one tile of it. Metres, from the station; single precision (a micrometre at 10 m)."""
+class ClearRays:
+    """How far the rays of one station, or of one tile of it, are clear. Metres, from the station; single precision (a
+    micrometre at 10 m)."""
 
     end: NDArray[np.float32]
     """(N, 3) where each ray's clear part ends, sorted by bin; 0 for the rays that another tile answers for."""
     bins: Bins
     bin_start: NDArray[np.int32]
     spacing_rad: float
-    bound: NDArray[np.float32]
-    """(B, 5) a unit vector n, the largest n . end of the bin's rays, and that of the rays of the 3 x 3 bins around [m]: no
-    clear part of them goes beyond that plane. n is across the surface where the returns lie on one, else along the rays."""
     nearest: NDArray[np.float32]
     """(B,) how far all of the bin's rays are clear, those of other tiles too; infinite for an empty bin."""
+    farthest: NDArray[np.float32]
+    """(B,) how far any of the bin's own rays is clear; 0 for none."""
     longest: NDArray[np.float32]
     """(B,) the farthest return; 0 for none."""
     plane: NDArray[np.float32]
     """(B, 3) m of the plane m . x = 1 that the returns around lie on [1/m]; NaN where they lie on none."""
+
+
+@dataclass(frozen=True)
+class StationRays(ClearRays):
+    """The same with summaries of bins, for questions about voxels."""
+
+    bound: NDArray[np.float32]
+    """(B, 5) a unit vector n, the largest n . end of the bin's rays, and that of the rays of the 3 x 3 bins around [m]: no
+    clear part of them goes beyond that plane. n is across the surface where the returns lie on one, else along the rays."""
     coarse: Bins
     coarse_farthest: NDArray[np.float32]
     coarse_longest: NDArray[np.float32]
 
 
-def station_rays(
+def clear_rays(
     index: StationIndex, total: int, edge: float, own: NDArray[np.bool_] | None = None
-) -> StationRays:
-    """The rays to the returns of ``index`` for voxels of ``edge`` metres.
+) -> ClearRays:
+    """The clear parts of the rays to the returns of ``index``, for voxels of ``edge`` metres.
 
     total : returns of the whole station, of which these may be a tile.
     own : (N,) the returns that this tile answers for; the others only complete the picture at its border.
@@ -82,7 +91,7 @@ def station_rays(
     spacing_rad = index.spacing_rad
     bins = Bins.for_spacing(spacing_rad, total)
     if own is None and np.array_equal(index.row_start, bins.row_start):
-        end, start, own_sorted = index.returns.astype(np.float32), index.bin_start.astype(np.int32), np.zeros(0, np.bool_)
+        end, start, own_sorted = _single(index.returns), index.bin_start.astype(np.int32), np.zeros(0, np.bool_)
     else:
         mine = np.zeros(0, np.bool_) if own is None else own
         end, start, own_sorted = _sort(index.returns, mine, bins.rows, bins.row_start, get_num_threads())
@@ -92,11 +101,32 @@ def station_rays(
     fit_planes(end, start, bins.row_start, edge, plane)
     nearest, farthest, longest = (np.empty(count, np.float32) for _ in range(3))
     clear_ends(end, own_sorted, start, edge, plane, nearest, farthest, longest)
-    coarse = bins.coarse()
+    return ClearRays(end, bins, start, spacing_rad, nearest, farthest, longest, plane)
+
+
+def summarise(rays: ClearRays) -> StationRays:
+    """Add what lets most voxels be told without a look at a ray."""
+    coarse = rays.bins.coarse()
     return StationRays(
-        end, bins, start, spacing_rad, _bounds(end, start, bins.row_start, plane), nearest, longest, plane, coarse,
-        _coarsen(farthest, bins.row_start, coarse.row_start), _coarsen(longest, bins.row_start, coarse.row_start),
+        **vars(rays), bound=_bounds(rays.end, rays.bin_start, rays.bins.row_start, rays.plane), coarse=coarse,
+        coarse_farthest=_coarsen(rays.farthest, rays.bins.row_start, coarse.row_start),
+        coarse_longest=_coarsen(rays.longest, rays.bins.row_start, coarse.row_start),
     )
+
+
+def station_rays(
+    index: StationIndex, total: int, edge: float, own: NDArray[np.bool_] | None = None
+) -> StationRays:
+    """``clear_rays`` with their summaries."""
+    return summarise(clear_rays(index, total, edge, own))
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _single(returns: NDArray[np.float64]) -> NDArray[np.float32]:
+    out = np.empty((len(returns), 3), np.float32)
+    for i in prange(len(returns)):
+        out[i, 0], out[i, 1], out[i, 2] = returns[i, 0], returns[i, 1], returns[i, 2]
+    return out
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -55,6 +56,7 @@ class ReturnStore:
         self._blocks: list[list[NDArray[np.float64]]] = [[] for _ in self.stations]
         self._photo: list[list[NDArray[np.float64]]] = [[] for _ in self.stations]
         self._counts: dict[int, int] = {}
+        self._files: dict[int, Path] = {}
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._read(source, progress or Progress())
 
@@ -97,14 +99,32 @@ class ReturnStore:
                         np.ascontiguousarray(block, dtype=np.float64).tofile(stream)
                 blocks.clear()
 
-    def _file(self, station: int) -> Path:
+    def _path(self, station: int) -> Path:
         assert self._folder is not None
         return Path(self._folder.name) / f"{station}.f64"
+
+    def _file(self, station: int) -> Path:
+        return self._files.get(station, self._path(station))
 
     def release(self, station: int) -> None:
         """Forget a station's returns that are in memory, where somebody else holds them now; its count stays known."""
         self._counts[station] = self.count(station)
         self._blocks[station] = []
+
+    def rewrite(self, station: int, returns: NDArray[np.float64]) -> None:
+        """Keep a station's returns in the temporary file in the order of ``returns`` (N, 3) from now on."""
+        assert self._folder is not None
+        path = self._path(station).with_suffix(".sorted")
+        returns.tofile(path)
+        self._files[station] = path
+        with suppress(OSError):  # a system that does not remove a file that is still mapped does so with the folder
+            self._path(station).unlink()
+
+    def whole(self, station: int) -> NDArray[np.float64]:
+        """(N, 3) all returns of a station [m, return minus station]."""
+        if self._folder is not None and self.count(station):
+            return np.fromfile(self._file(station)).reshape(-1, 3)  # faster than a map, page by page
+        return np.asarray(self._all(station))
 
     def count(self, station: int) -> int:
         """Returns of a station."""
