@@ -31,7 +31,7 @@ from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..sensing.loa import level_sigma, worst_voxel_shift
 from .overlap import ABSENT_OVERLAP, overlap
-from .own_evidence import OwnEvidence, from_touching, own_evidence, shows_gone, shows_standing
+from .own_evidence import OwnEvidence, find_touching, own_evidence, shows_gone, shows_standing
 from .parts import Parts
 from .shared_surface import find_shared
 
@@ -119,13 +119,15 @@ def look_at_elements(
     )
     tolerance = change_tolerance(edge, sigma, registration_sigma)
     shared = find_shared(model, found.samples, surfaces, parts)
-    touching, behind = from_touching(found.seen, model, found.samples, surfaces, window, sigma, parts)
+    touching = find_touching(
+        found.seen, model, found.samples, scenery.station_positions, surfaces, window, sigma, parts
+    )
     known_gone = np.zeros(len(model.elements), np.bool_)
     for _ in range(2):  # what is gone shares its surface with nobody
-        seen = found.seen.explained_too(touching[~known_gone[behind]])
+        others, either = touching.split(known_gone)
         own = own_evidence(
-            seen, found.samples, scenery.station_positions, surfaces,
-            shared.in_doubt(len(found.samples), known_gone), window, registration_sigma, len(model.elements),
+            found.seen.explained_too(others), found.samples, scenery.station_positions, surfaces,
+            shared.in_doubt(len(found.samples), known_gone), either, window, registration_sigma, len(model.elements),
         )
         elements = tuple(
             _sight(model, row, plan, best, float(exposed[row]), tolerance, context, own, shared.main_partner(row, known_gone))
@@ -149,7 +151,7 @@ def _sight(
         silent = float(own.silent[row]) if place is plan else 0.0
         return ElementSight(seen, place.at, plan.beyond, exposed, vector if where else None, reason, silent)
 
-    if best is not plan and _found(best, plan, overlap(model, row, best.shift), context):
+    if best is not plan and _found(best, plan, overlap(model, row, best.shift), context, own, row):
         if length <= tolerance and overlap(model, row, best.fit.vector) > ABSENT_OVERLAP:
             near = f"It stands {1000 * length:.0f} mm from its planned place, which voxels do not tell apart."
             return sight("STANDS", near, best)
@@ -184,16 +186,21 @@ def _sight(
     ), where=False)
 
 
-def _found(place: Place, plan: Place, overlaps: float, context: Context) -> bool:
+def _found(
+    place: Place, plan: Place, overlaps: float, context: Context, own: OwnEvidence, row: int
+) -> bool:
     """Whether an element was found at a place other than its planned one, more than one of many places fits by chance.
 
-    An element that slid along its faces left a strip: rays that pass elsewhere still speak against it. ``overlaps`` is the
-    share of it that lies on its planned place.
+    An element that slid along its faces left a strip, and what tells of it is the rest of what tells of its plan.
+    ``overlaps`` is the share of it that lies on its planned place.
     """
     t = context.thresholds
     tried = 2 * MOST_AXES * SEARCH_M / (1.5 * context.window)
-    beyond = max(place.beyond, plan.beyond - (1.0 - overlaps) * plan.exposed) if place.at == plan.at else place.beyond
-    share = place.at / max(place.at + beyond, 1e-12)
+    there, beyond = place.at, place.beyond
+    if place.at == plan.at:
+        there = float(own.at[row])
+        beyond = max(beyond, float(own.beyond[row]) - (1.0 - overlaps) * plan.exposed)
+    share = there / max(there + beyond, 1e-12)
     at = round(share * place.rays)
     return share >= t.present_share and shows_standing(at, place.rays - at, t.absent_share, tried)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import binom
 
 from ..evidence.decide import shared_area
-from ..evidence.sightings import AT, BEYOND, ON_FACE_M, Sightings
+from ..evidence.sightings import AT, BEYOND, GRAZE, ON_FACE_M, Sightings
 from ..evidence.slide import crossings
 from ..model.elements import BuildingModel
 from ..model.on_element import ElementSurfaces
@@ -29,6 +29,8 @@ WELL_INSIDE = 0.5
 """A beam whose middle lies this many radii inside an edge has 84 % of its light on the surface (normal distribution)."""
 TOLD_APART_SIGMAS = 2.0
 """Returns within this many sensor sigmas of a surface lie on it (95 %)."""
+LEAST_OPPOSED = 0.1
+"""Of what tells of an element: when less of it passes, as at edges and recesses, the element stands."""
 ERROR_RATE = 0.05
 """Of a wrong verdict by the chance of few beams."""
 
@@ -55,40 +57,65 @@ class OwnEvidence:
         return float(self.at[row] / max(self.at[row] + self.beyond[row], 1e-12))
 
 
-def from_touching(
-    seen: Sightings, model: BuildingModel, samples: SurfaceSamples, surfaces: ElementSurfaces, window: float, sigma: float,
-    parts: Parts,
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pairs (row of ``seen``, other element): returns at an element's place that lie on another one's face, not on its own.
+@dataclass(frozen=True)
+class Touching:
+    """Returns at an element's place that lie on a face of another one as well."""
+
+    row: NDArray[np.int64]
+    """(K,) of the sightings."""
+    other: NDArray[np.int64]
+    """(K,) the other element."""
+    farther: NDArray[np.bool_]
+    """(K,) the own face is farther from the return than the sensor's error allows: it came from the other one."""
+
+    def split(self, gone: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """(from another element, from either) rows, of others that are not known to be ``gone`` (E,)."""
+        stands = ~gone[self.other]
+        return self.row[stands & self.farther], self.row[stands & ~self.farther]
+
+
+def find_touching(
+    seen: Sightings, model: BuildingModel, samples: SurfaceSamples, stations: NDArray[np.float64], surfaces: ElementSurfaces,
+    window: float, sigma: float, parts: Parts,
+) -> Touching:
+    """Such returns. Where nothing passes an element, those as near to its own face are left out: there is nothing to explain.
 
     A board's back lies in the face of the wall that it covers: rays through the model (``explain``) may meet the one and miss
-    the other; without the board its wall is seen within the window.
+    the other; without the board its wall is seen within the window. Stations (S, 3) in the local frame, metres.
     """
     near = TOLD_APART_SIGMAS * sigma
-    row = np.flatnonzero(seen.on_face & (seen.state(window) == AT) & (np.abs(seen.deviation) > near + sigma))
-    sample = seen.sample[row]
-    at, other = on_others(
-        model, surfaces, seen.point[row].astype(np.float64), samples.normal[sample], samples.element[sample], near, parts
-    )
-    return row[at], other
+    state, count = seen.state(window), len(model.elements)
+    at, beyond = (seen.on_face & (state == what) for what in (AT, BEYOND))
+    element = samples.element[seen.sample]
+    there, passed = (np.bincount(element[of], minlength=count) for of in (at, beyond))
+    opposed = passed >= LEAST_OPPOSED * (there + passed)
+    farther = np.abs(seen.deviation) > near + sigma
+    row = np.flatnonzero(at & (farther | opposed[element]))
+    point = seen.point[row].astype(np.float64)
+    back = stations[seen.station[row]] - point
+    back /= np.maximum(np.linalg.norm(back, axis=1, keepdims=True), 1e-9)
+    pair, other = on_others(model, surfaces, point, back, element[row], near, parts, GRAZE)
+    return Touching(row[pair], other, farther[row[pair]])
 
 
 def own_evidence(
     seen: Sightings, samples: SurfaceSamples, stations: NDArray[np.float64], surfaces: ElementSurfaces,
-    doubt: NDArray[np.bool_], window: float, registration_sigma: float, elements: int,
+    doubt: NDArray[np.bool_], either: NDArray[np.int64], window: float, registration_sigma: float, elements: int,
 ) -> OwnEvidence:
     """Weigh the sightings ``seen`` of the samples at their planned places.
 
-    stations (S, 3) positions [m, local frame]; doubt (N,) whether a sample is another element's surface as well; ``window`` [m]
-    within which a return is at its place.
+    stations (S, 3) positions [m, local frame]; doubt (N,) whether a sample is another element's surface as well;
+    ``either``: rows of sightings that may be another element's; ``window`` [m] within which a return is at its place.
     """
     state = seen.state(window)
     at, beyond = (seen.on_face & (state == what) for what in (AT, BEYOND))
     sample = seen.sample.astype(np.int64)
     element = samples.element[sample].astype(np.int64)
     area = shared_area(seen, samples.area[sample], at | beyond)
-    unsure = at & doubt[sample]
-    found, either, passed = (
+    unsure = doubt[sample]
+    unsure[either] = True
+    unsure &= at
+    found, shared, passed = (
         np.bincount(element[of], weights=area[of], minlength=elements).astype(np.float64)
         for of in (at & ~unsure, unsure, beyond)
     )
@@ -98,7 +125,7 @@ def own_evidence(
     row = telling[beyond[telling] & ~np.isin(beam, returned)]
     inside = row[clearly_inside(seen.rows(row), samples, stations, surfaces, registration_sigma)]
     return OwnEvidence(
-        found, either, passed, _silent(seen, samples, window, at | beyond, elements),
+        found, shared, passed, _silent(seen, samples, window, at | beyond, elements),
         _count_beams(element[telling[sure]], beam[sure], elements),
         _count_beams(element[inside], _beam_of(seen, element, inside), elements),
     )

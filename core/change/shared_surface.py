@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..model.elements import BuildingModel
-from ..model.on_element import ElementSurfaces
+from ..model.on_element import PARALLEL, ElementSurfaces
 from ..model.samples import SurfaceSamples
 from .parts import Parts
 
@@ -56,7 +56,7 @@ def find_shared(
     """All such pairs among the exposed ``samples``; a part and its whole are none."""
     row = np.flatnonzero(samples.exposed)
     at, partner = on_others(
-        model, surfaces, samples.position[row], samples.normal[row], samples.element[row], SAME_SURFACE_M, parts
+        model, surfaces, samples.position[row], samples.normal[row], samples.element[row], SAME_SURFACE_M, parts,
     )
     sample = row[at]
     return SharedSurface(sample, samples.element[sample].astype(np.int64), partner, samples.area[sample])
@@ -64,12 +64,12 @@ def find_shared(
 
 def on_others(
     model: BuildingModel, surfaces: ElementSurfaces, point: NDArray[np.float64], normal: NDArray[np.float64],
-    element: NDArray[np.int32], within: float, parts: Parts,
+    element: NDArray[np.int32], within: float, parts: Parts, cosine: float = PARALLEL,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Pairs (row, other): which points (N, 3), of ``element`` (N,) in ascending order, lie on a face of which other element.
 
-    The face is within ``within`` metres and less than 60 degrees from ``normal`` (N, 3). Asked element by element, because
-    rays meet only one of two faces that lie in each other.
+    The face is within ``within`` metres, its normal has at least this ``cosine`` with ``normal`` (N, 3). Asked element by
+    element, since rays meet only one of two faces that lie in each other.
     """
     none = np.zeros(0, np.int64)
     found, waiting = [(none, none)], _Waiting()
@@ -81,7 +81,7 @@ def on_others(
         row, other = np.concatenate([none, *waiting.row]), np.concatenate([none, *waiting.other])
         on = surfaces.face_at(
             point[row].astype(np.float64), normal[row].astype(np.float64), other.astype(np.int32),
-            model.triangle_start[other].astype(np.int32), within,
+            model.triangle_start[other].astype(np.int32), within, cosine,
         )
         found.append((row[on >= 0], other[on >= 0]))
         waiting.row, waiting.other, waiting.count = [], [], 0

@@ -8,13 +8,16 @@ from numpy.typing import NDArray
 
 from .elements import BuildingModel
 
+PARALLEL = 0.5
+"""Faces less than 60 degrees apart look the same way."""
+
 
 @njit(cache=True, nogil=True, inline="always")
 def _on_triangle(
     x: float, y: float, z: float, nx: float, ny: float, nz: float, t: NDArray[np.float64], m: NDArray[np.float64],
-    depth: float,
+    depth: float, cosine: float,
 ) -> bool:
-    if m[0] * nx + m[1] * ny + m[2] * nz < 0.5:
+    if m[0] * nx + m[1] * ny + m[2] * nz < cosine:
         return False
     dx, dy, dz = x - t[0, 0], y - t[0, 1], z - t[0, 2]
     if abs(dx * m[0] + dy * m[1] + dz * m[2]) > depth:
@@ -35,19 +38,19 @@ def _on_triangle(
 def _on_element(
     point: NDArray[np.float64], normal: NDArray[np.float64], element: NDArray[np.int32], triangle: NDArray[np.int32],
     corner: NDArray[np.float64], facing: NDArray[np.float64], center: NDArray[np.float64], radius: NDArray[np.float64],
-    start: NDArray[np.int64], depth: float,
+    start: NDArray[np.int64], depth: float, cosine: float,
 ) -> NDArray[np.int32]:
     out = np.full(len(point), -1, np.int32)
     for i in prange(len(point)):
         x, y, z = point[i]
         nx, ny, nz = normal[i]
-        if _on_triangle(x, y, z, nx, ny, nz, corner[triangle[i]], facing[triangle[i]], depth):
+        if _on_triangle(x, y, z, nx, ny, nz, corner[triangle[i]], facing[triangle[i]], depth, cosine):
             out[i] = triangle[i]
             continue
         for t in range(start[element[i]], start[element[i] + 1]):
             dx, dy, dz = x - center[t, 0], y - center[t, 1], z - center[t, 2]
             if dx * dx + dy * dy + dz * dz <= radius[t] and _on_triangle(
-                x, y, z, nx, ny, nz, corner[t], facing[t], depth
+                x, y, z, nx, ny, nz, corner[t], facing[t], depth, cosine
             ):
                 out[i] = t
                 break
@@ -84,12 +87,13 @@ class ElementSurfaces:
         element: NDArray[np.int32],
         triangle: NDArray[np.int32],
         depth: float,
+        cosine: float = PARALLEL,
     ) -> NDArray[np.int32]:
         """(N,) the triangle of ``element`` (N,) that point (N, 3) lies on, within ``depth`` metres; -1 where there is none.
 
-        Only faces less than 60 degrees from ``normal`` (N, 3) count; ``triangle`` (N,) is tried first.
+        Only faces count whose normals have at least this ``cosine`` with ``normal`` (N, 3); ``triangle`` (N,) is tried first.
         """
         return _on_element(
             np.ascontiguousarray(point), np.ascontiguousarray(normal), element, triangle, self.corner, self.normal,
-            self._center, (self._reach + depth) ** 2, self._start, depth,
+            self._center, (self._reach + depth) ** 2, self._start, depth, cosine,
         )

@@ -14,15 +14,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from bim_verify.core.change.decide import element_state
+from bim_verify.core.change.decide import Decision, element_state, ratios
 from bim_verify.core.change.look import ElementSight
 from bim_verify.core.change.overlap import overlap
+from bim_verify.core.change.own_evidence import clearly_inside, shows_gone, shows_standing
 from bim_verify.core.change.planned import Planned, parse_date
 from bim_verify.core.change.progress import expected_state, judge
 from bim_verify.core.change.results import ChangeResult, ElementChange
 from bim_verify.core.change.shared_surface import find_shared
 from bim_verify.core.change.solids import mesh_volumes, voxelise
 from bim_verify.core.errors import BimVerifyError
+from bim_verify.core.evidence.sightings import Sightings
 from bim_verify.core.jobs import change
 from bim_verify.core.model.elements import BuildingModel
 from bim_verify.core.model.on_element import ElementSurfaces
@@ -189,6 +191,68 @@ def test_what_is_modelled_twice_is_not_told_apart() -> None:
         assert found["partition"].state in ("CONFIRMED", "PARTIAL")
         if state == "UNKNOWN":
             assert "again" in found["column"].reason and "column" in found["again"].reason
+
+
+def with_box(plan: BuildingModel, low: tuple[float, float, float], high: tuple[float, float, float]) -> BuildingModel:
+    """The model with one more box, named "added"."""
+    box = Prop("", "box", tuple((np.add(low, high) / 2).tolist()), tuple(np.subtract(high, low).tolist())).corners()
+    first = len(plan.vertices)
+    return dataclasses.replace(
+        plan,
+        elements=(*plan.elements, dataclasses.replace(plan.elements[0], global_id="added", name="added", step_id=99)),
+        vertices=np.concatenate([plan.vertices, box.reshape(-1, 3)]),
+        triangles=np.concatenate([plan.triangles, first + np.arange(36, dtype=np.int32).reshape(-1, 3)]),
+        triangle_element=np.append(plan.triangle_element, np.full(12, len(PLAN), np.int32)),
+        closed=np.append(plan.closed, True),
+        transparent=np.append(plan.transparent, np.zeros(12, np.bool_)),
+    )
+
+
+def test_a_board_that_is_gone_is_not_taken_for_the_wall_that_it_touched() -> None:
+    low, high = (0.0, 1.0, 0.5), (0.018, 2.2, 1.7)
+    model = with_box(house(), low, high)
+    board = Prop("board", "box", (0.009, 1.6, 1.1), (0.018, 1.2, 1.2))
+    there = by_name(change(model, [scan(built({}, (board,)), seed=5)], None, OPTIONS))
+    assert there["added"].state == there["west"].state == "CONFIRMED"
+    gone = by_name(change(model, [scan(built({}), seed=5)], None, OPTIONS))
+    assert gone["added"].state == "DISAPPEARED" and gone["west"].state == "CONFIRMED", gone["added"].reason
+
+
+def test_a_few_beams_do_not_tell_whether_a_small_part_stands() -> None:
+    model = with_box(house(), (3.0, 2.6, 1.2), (3.02, 2.62, 1.22))
+    found = by_name(change(model, [scan(built({}), seed=6)], None, OPTIONS))["added"]
+    assert found.state == "UNKNOWN" and "too few" in found.reason, found.reason
+    assert not shows_gone(0, 4, 0.5) and shows_gone(0, 5, 0.5) and not shows_gone(3, 5, 0.5)
+    assert not shows_standing(2, 0, 0.25) and shows_standing(3, 0, 0.25) and not shows_standing(3, 0, 0.25, tried=36)
+
+
+def test_beams_beside_the_outline_do_not_pass_through() -> None:
+    model = with_box(house(), (3.0, 2.0, 1.2), (3.1, 2.1, 1.3))
+    row, surfaces = len(PLAN), ElementSurfaces(model)
+    samples = sample_surface(model, 0.02)
+    of = int(np.flatnonzero((samples.element == row) & (samples.normal[:, 0] < -0.5))[0])
+    station = np.array([[1.0, 2.05, 1.25]])
+    for away, passes in ((0.045, True), (0.001, False), (-0.01, False)):  # inside the face's edge, at 2 m
+        through = np.array([[3.0, 2.1 - away, 1.25]])
+        seen = a_sighting(of, station[0] + 2.0 * (through[0] - station[0]))
+        assert clearly_inside(seen, samples, station, surfaces, 0.0)[0] == passes, away
+
+
+def a_sighting(sample: int, point: np.ndarray) -> Sightings:
+    one = np.ones(1)
+    return Sightings(
+        sample=np.array([sample], np.int32), station=np.zeros(1, np.int16), deviation=-one, count=np.ones(1, np.int32),
+        cosine=one.astype(np.float32), distance=np.full(1, 2.0, np.float32), point=point[None].astype(np.float32),
+        glass=np.zeros(1, np.bool_), log_masses=np.zeros((1, 3)), on_face=np.ones(1, np.bool_),
+        face_normal=np.zeros((1, 3), np.float32), residual=-one, explained=np.zeros(1, np.bool_),
+    )
+
+
+def test_what_edges_hide_counts_like_the_rest_of_an_element() -> None:
+    sight = ElementSight("STANDS", 9.0, 0.0, 10.0, (0.0, 0.0, 0.0), "")
+    counts, found = np.array([100, 0, 0, 0]), Decision("CONFIRMED", "")
+    assert ratios(found, counts, sight)[0] == pytest.approx(0.9)
+    assert ratios(found, counts, dataclasses.replace(sight, silent=1.0))[0] == pytest.approx(1.0)
 
 
 def test_a_part_and_its_whole_are_no_twins() -> None:

@@ -133,6 +133,23 @@ def test_result_does_not_depend_on_tiles() -> None:
         assert (whole == observed(memory_gb)).all()
 
 
+def test_returns_in_a_file_are_sorted_once_and_stay_the_same() -> None:
+    returns = [room(20_000, seed=seed) for seed in range(4)]
+    stations = tuple(Station(str(n), STATION) for n in range(4))
+    kept = []
+    for memory_gb in (1.0, 0.0045):
+        with ReturnStore(ArraySource(stations, returns), memory_gb) as store:
+            indexes = StationIndexes(store, np.zeros(3))
+            for _ in range(2):
+                tiles = indexes.visit(sensor_model(0.001), Progress())
+                seen = [(i.returns, i.bin_start, i.spacing_rad, sector) for _, i, sector in tiles]
+            assert store.fits == (memory_gb == 1.0) and all(sector is None for *_, sector in seen)
+            assert [store.count(n) for n in range(4)] == [20_000] * 4
+            kept.append(seen)
+    for (a, a_start, a_spacing, _), (b, b_start, b_spacing, _) in zip(*kept, strict=True):
+        assert (a == b).all() and (a_start == b_start).all() and a_spacing == b_spacing
+
+
 def test_an_occupied_voxel_is_not_emptied_by_rays_that_graze_it() -> None:
     state = observed(1.0)
     table = all_bricks()
