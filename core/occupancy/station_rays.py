@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from ..evidence.station_index import StationIndex, bin_layout, pseudo_azimuth, pseudo_elevation
 from .surface_fit import ROUND_UP, clear_ends, fit_planes
 
+SINGLE_ERROR = 4e-7
+"""Of a sum of three products in single precision, in their lengths."""
 COARSE = 4
 """Bins of the coarse level are this many times as wide and as high."""
 
@@ -108,7 +110,10 @@ def summarise(rays: ClearRays) -> StationRays:
     """Add what lets most voxels be told without a look at a ray."""
     coarse = rays.bins.coarse()
     return StationRays(
-        **vars(rays), bound=_bounds(rays.end, rays.bin_start, rays.bins.row_start, rays.plane), coarse=coarse,
+        **vars(rays), coarse=coarse,
+        bound=_bounds(
+            rays.end, rays.bin_start, rays.bins.row_start, rays.plane, SINGLE_ERROR * float(rays.longest.max(initial=0.0))
+        ),
         coarse_farthest=_coarsen(rays.farthest, rays.bins.row_start, coarse.row_start),
         coarse_longest=_coarsen(rays.longest, rays.bins.row_start, coarse.row_start),
     )
@@ -205,9 +210,11 @@ def _settle_order(points: NDArray[np.float32], own: NDArray[np.bool_], start: ND
 
 
 @njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
-def _largest(end: NDArray[np.float32], begin: int, stop: int, nx: float, ny: float, nz: float) -> float:
+def _largest(
+    end: NDArray[np.float32], begin: int, stop: int, nx: np.float32, ny: np.float32, nz: np.float32
+) -> np.float32:
     """Largest n . end of a run of rays; 0 for none, since no clear part begins before the station."""
-    best = 0.0
+    best = np.float32(0.0)
     for i in range(begin, stop):
         best = max(best, nx * end[i, 0] + ny * end[i, 1] + nz * end[i, 2])
     return best
@@ -215,7 +222,8 @@ def _largest(end: NDArray[np.float32], begin: int, stop: int, nx: float, ny: flo
 
 @njit(cache=True, nogil=True, parallel=True)
 def _bounds(
-    end: NDArray[np.float32], start: NDArray[np.int32], row_start: NDArray[np.int64], plane: NDArray[np.float32]
+    end: NDArray[np.float32], start: NDArray[np.int32], row_start: NDArray[np.int64], plane: NDArray[np.float32],
+    slack: float,
 ) -> NDArray[np.float32]:
     out = np.zeros((len(start) - 1, 5), np.float32)
     rows = len(row_start) - 1
@@ -232,8 +240,8 @@ def _bounds(
                 ny = flat * (azimuth if azimuth < 1.0 else (2.0 - azimuth if azimuth < 3.0 else azimuth - 4.0))
                 nz = elevation
             length = math.sqrt(nx * nx + ny * ny + nz * nz)
-            nx, ny, nz = nx / length, ny / length, nz / length
-            own = _largest(end, start[b], start[b + 1], nx, ny, nz)
+            ux, uy, uz = np.float32(nx / length), np.float32(ny / length), np.float32(nz / length)
+            own = _largest(end, start[b], start[b + 1], ux, uy, uz)
             around = own
             for r in range(max(row - 1, 0), min(row + 2, rows)):
                 base, there = row_start[r], row_start[r + 1] - row_start[r]
@@ -241,13 +249,13 @@ def _bounds(
                 if last - first >= there:
                     first, last = 0, there - 1
                 if first < 0:
-                    around = max(around, _largest(end, start[base + there + first], start[base + there], nx, ny, nz))
+                    around = max(around, _largest(end, start[base + there + first], start[base + there], ux, uy, uz))
                 if last >= there:
-                    around = max(around, _largest(end, start[base], start[base + last - there + 1], nx, ny, nz))
+                    around = max(around, _largest(end, start[base], start[base + last - there + 1], ux, uy, uz))
                 first, last = max(first, 0), min(last, there - 1)
-                around = max(around, _largest(end, start[base + first], start[base + last + 1], nx, ny, nz))
-            out[b, 0], out[b, 1], out[b, 2] = nx, ny, nz
-            out[b, 3], out[b, 4] = own * ROUND_UP, around * ROUND_UP
+                around = max(around, _largest(end, start[base + first], start[base + last + 1], ux, uy, uz))
+            out[b, 0], out[b, 1], out[b, 2] = ux, uy, uz
+            out[b, 3], out[b, 4] = own * ROUND_UP + slack, around * ROUND_UP + slack
     return out
 
 
