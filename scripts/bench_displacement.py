@@ -33,6 +33,7 @@ from bim_verify.core.simulation.panel_wall import (  # noqa: E402
 )
 from bim_verify.core.simulation.scanner import Scanner  # noqa: E402
 from bim_verify.core.simulation.wall_scan import scan_window  # noqa: E402
+from bim_verify.core.wall_displacement.result import Column, DisplacementResult  # noqa: E402
 
 DISTANCES_M = (5.0, 10.0, 30.0)
 INCIDENCES_DEG = (0.0, 10.0, 20.0, 30.0)
@@ -102,7 +103,7 @@ def main() -> None:
                     result = displacement(base, later, DisplacementOptions())
                     taken.append(time.perf_counter() - begin)
                     seconds.append(taken[-1] / max(len(result.columns), 1))
-                    column = min(result.columns, key=lambda c: abs(0.5 * (c.low + c.high) - middle_x(result)))
+                    column = middle_column(result)
                     shares, found = [], []
                     for row in range(design.rows - 1):
                         height = design.joint_height(row)
@@ -137,9 +138,9 @@ def main() -> None:
     print(f"worst {np.nanmax(errors):.3f} mm")
 
 
-def middle_x(result) -> float:  # type: ignore[no-untyped-def]
-    """Along the wall, of the columns' common middle: the scored column stands there."""
-    return 0.5 * (result.columns[0].low + result.columns[-1].high)
+def middle_column(result: DisplacementResult) -> Column:
+    """The column that stands at x = 0 of the scan frame, whatever part of its neighbours was found."""
+    return min(result.columns, key=lambda c: abs(c.joints[0].position[0]) if c.joints else np.inf)
 
 
 if __name__ == "__main__":

@@ -96,7 +96,7 @@ def _displacement(
         rows = spread_rows(len(epoch.points), len(epoch.points) * (spacing[-1] / thinned[-1]) ** 2)
         parts.append(on_wall(epoch.take(rows), wall))
     watch.lap("wall")
-    bounds, warnings = column_bounds(wall, parts[0], max(thinned))
+    bounds, warnings = column_bounds(wall, parts, max(thinned))
     split_parts = [split(part, bounds) for part in parts]
     drafts: list[Draft] = []
     for number in range(len(bounds)):

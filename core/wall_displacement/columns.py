@@ -80,8 +80,12 @@ def vertical_joints(points: Array, depth: Array, spacing: float) -> Array:
     np.maximum.at(deepest, (column, level), np.minimum(depth, 0.06))
     seen = np.zeros((bins, levels), np.bool_)
     seen[column, level] = True
-    mean = np.where(seen.sum(1) > 0, deepest.sum(1) / np.maximum(seen.sum(1), 1), 0.0)
-    usual, spread = np.median(mean), 1.4826 * np.median(np.abs(mean - np.median(mean)))
+    number = seen.sum(axis=1)
+    # a joint is as high as the wall: between the lines of a coarse scan a few strays say nothing
+    well = number >= 0.25 * np.median(number[number > 0])
+    mean = np.where(well, deepest.sum(1) / np.maximum(number, 1), 0.0)
+    usual = np.median(mean[well])
+    spread = 1.4826 * np.median(np.abs(mean[well] - usual))
     limit = max(usual + 5 * spread, usual + 0.003, 0.5 * mean.max())
     found, k = [], 0
     while k < bins:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .columns import Face, FoundJoint
-from .edges import Edge, Samples, fit_edges
+from .edges import LEAST_NOISE_M, Edge, Flank, Samples, choose_flank, fit_edge
 from .epoch import spread_rows
 
 Array = NDArray[np.float64]
@@ -17,6 +18,8 @@ LARGEST_MOVE_M = 0.25
 NEAR_FACE_M = 0.06
 FAR_FACE_M = 0.7
 EDGE_REACH_M = 0.12
+EDGE_RANGE_M = (-0.1, 0.04)
+"""Heights about a joint between which its lower edge is looked for (its upper one mirrored)."""
 BEYOND_M = 0.15
 """A ray that crosses the face near a joint may come back from so much higher or lower."""
 MOST_NEAR_EDGE = 40_000
@@ -90,35 +93,52 @@ def pair_joints(base: list[FoundJoint], later: list[FoundJoint]) -> list[tuple[i
     return pairs
 
 
-def measure_joint(
+@dataclass(frozen=True)
+class JointSection:
+    """A paired joint in both epochs (base, later): lines of the face below and above, samples of the lower and upper edge."""
+
+    joints: tuple[FoundJoint, FoundJoint]
+    lines: tuple[tuple[FaceLine | None, FaceLine | None], ...]
+    samples: tuple[tuple[Samples | None, Samples | None], ...]
+    """By edge, then by epoch."""
+
+
+def section_of(
     base: ColumnPoints, later: ColumnPoints, first: FoundJoint, second: FoundJoint, room: tuple[float, float]
-) -> Movement:
-    """Movement of a joint between two epochs; ``room`` [m]: free height below and above it to the next joints."""
-    lines: list[list[FaceLine | None]] = []
-    samples: list[list[Samples | None]] = [[], []]
+) -> JointSection:
+    """What both epochs show of a joint; ``room`` [m]: free height below and above it to the next joints."""
+    lines, lower, upper = [], [], []
     for epoch, joint in ((base, first), (later, second)):
         below = fit_face(epoch, joint.height - min(FAR_FACE_M, room[0]), joint.height - NEAR_FACE_M, joint.height)
         above = fit_face(epoch, joint.height + NEAR_FACE_M, joint.height + min(FAR_FACE_M, room[1]), joint.height)
-        lines.append([below, above])
-        deep = max(epoch.face.threshold, 0.004)
+        lines.append((below, above))
         reach = min(EDGE_REACH_M, 0.4 * min(room))
-        samples[0].append(edge_samples(epoch, below, joint.height, reach, deep, rising=True))
-        samples[1].append(edge_samples(epoch, above, joint.height, reach, deep, rising=False))
+        lower.append(edge_samples(epoch, below, joint.height, reach, rising=True))
+        upper.append(edge_samples(epoch, above, joint.height, reach, rising=False))
+    return JointSection((first, second), tuple(lines), ((lower[0], lower[1]), (upper[0], upper[1])))
+
+
+def measure_joints(sections: Sequence[JointSection]) -> list[Movement]:
+    """Movements of the joints of one column, whose edges are alike."""
+    seen = [s for section in sections for pair in section.samples if None not in pair for s in pair if s is not None]
+    flank = choose_flank(seen, *EDGE_RANGE_M)
+    return [_measured(section, flank) for section in sections]
+
+
+def _measured(section: JointSection, flank: Flank) -> Movement:
+    first, second = section.joints
     edges: list[list[Edge] | None] = []
-    for k, sign in ((0, 1.0), (1, -1.0)):
-        pair = samples[k]
-        if pair[0] is None or pair[1] is None:
+    for (base, later), sign in zip(section.samples, (1.0, -1.0), strict=True):
+        if base is None or later is None:
             edges.append(None)
             continue
-        found = fit_edges([pair[0], pair[1]], -0.08, 0.04)
-        edges.append([
-            Edge(first.height + sign * found[0].at, found[0].sigma), Edge(second.height + sign * found[1].at, found[1].sigma)
-        ])
-    return _movement(lines, edges, first, second)
+        found = [fit_edge(s, flank, *EDGE_RANGE_M) for s in (base, later)]
+        edges.append([Edge(j.height + sign * e.at, e.sigma) for j, e in zip((first, second), found, strict=True)])
+    return _movement(section.lines, edges, first, second)
 
 
 def _movement(
-    lines: list[list[FaceLine | None]], edges: list[list[Edge] | None], first: FoundJoint, second: FoundJoint
+    lines: Sequence[Sequence[FaceLine | None]], edges: list[list[Edge] | None], first: FoundJoint, second: FoundJoint
 ) -> Movement:
     shifts = [(e[1].at - e[0].at, float(np.hypot(e[0].sigma, e[1].sigma))) for e in edges if e is not None]
     vertical = sigma = opening = None
@@ -188,9 +208,9 @@ def _robust_line(y, z, weight, scale):  # type: ignore[no-untyped-def]
 
 
 def edge_samples(
-    epoch: ColumnPoints, line: FaceLine | None, about: float, reach: float, deep: float, *, rising: bool
+    epoch: ColumnPoints, line: FaceLine | None, about: float, reach: float, *, rising: bool
 ) -> Samples | None:
-    """Where rays cross the plane of the face within ``reach`` of ``about``, and how recessed their returns are."""
+    """Where rays cross the plane of the face within ``reach`` of ``about``, and how deep behind it they come back."""
     if line is None:
         return None
     near = np.flatnonzero(np.abs(epoch.returns[:, 2] - about) < reach + BEYOND_M)
@@ -199,17 +219,24 @@ def edge_samples(
     ray = p - s
     with np.errstate(divide="ignore", invalid="ignore"):
         share = (line.at + line.slope * (s[:, 2] - about) - s[:, 1]) / (ray[:, 1] - line.slope * ray[:, 2])
+        climb = -ray[:, 2] / ray[:, 1]
     v = np.where(np.isfinite(share), s[:, 2] + share * ray[:, 2], p[:, 2]) - about
-    x = p[:, 0]
-    q = np.clip(-(p[:, 1] - np.asarray(line.depth(p[:, 2]))) / deep, 0.0, 1.0)
+    x, depth = p[:, 0], np.asarray(line.depth(p[:, 2])) - p[:, 1]
+    deep = max(epoch.face.threshold, 0.004)
+    recessed = depth > 0.5 * deep
     side = (v < 0.04 if rising else v > -0.04) & (np.abs(v) < reach)
-    if (q[side] > 0.5).sum() < 2 or (q[side] < 0.5).sum() < 4:
+    if (recessed & side).sum() < 2 or (~recessed & side).sum() < 4:
         return None
     sign = 1.0 if rising else -1.0
     # only up to the middle of the recess: beyond it the other edge begins
-    middle = float(np.median(sign * v[(np.abs(v) < reach) & (q > 0.5)]))
-    v, q, x = sign * v[side], q[side], x[side]
-    own = v < middle + 1e-9
-    if (q[own] > 0.5).sum() < 1:
+    middle = float(np.median(sign * v[(np.abs(v) < reach) & recessed]))
+    own = side & (sign * v < middle + 1e-9)
+    if not (recessed & own).any():
         return None
-    return Samples(v[own], q[own], x[own])
+    face = np.abs(depth[own & (sign * v < -NEAR_FACE_M)])
+    noise = max(float(np.median(face)) / np.log(2.0) if len(face) else epoch.face.noise, LEAST_NOISE_M)
+    rough = float(np.clip(np.mean(face > 5.0 * noise), 0.0, 0.5)) if len(face) else 0.0
+    known = climb[own][np.isfinite(climb[own])]
+    rise = sign * float(np.median(known)) if len(known) else 0.0
+    deepest = float(np.quantile(depth[own], 0.98))
+    return Samples(sign * v[own], depth[own], x[own], rise, noise, deep, rough, deepest)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from .columns import vertical_joints
-from .wall import CELL_M, Wall, WallPoints, smooth
+from .wall import CELL_M, Wall, WallPoints, resurfaced, smooth
 
 Array = NDArray[np.float64]
 NARROWEST_COLUMN_M = 0.3
@@ -17,11 +18,20 @@ STRIP_M = 1.5
 """Width of the strips that a wall without visible vertical joints is cut into."""
 
 
-def column_bounds(wall: Wall, base: WallPoints, spacing: float) -> tuple[list[tuple[float, float]], list[str]]:
-    """(low, high) of each column along the wall [m], from the base epoch; and what the user should know of them."""
-    points = base.points
-    joints = vertical_joints(points, _surface_at(wall, points) - points[:, 1], spacing)
-    ends = (float(np.quantile(points[:, 0], 0.001)), float(np.quantile(points[:, 0], 0.999)))
+def column_bounds(wall: Wall, epochs: Sequence[WallPoints], spacing: float) -> tuple[list[tuple[float, float]], list[str]]:
+    """(low, high) of each column along the wall [m]; and what the user should know of them.
+
+    A vertical joint may lie between two scan lines of one epoch and be met by one of the other, so both are looked at.
+    """
+    joints = np.zeros(0)
+    for epoch in epochs:
+        surface = _surface_at(resurfaced(wall, epoch.points), epoch.points)
+        found = vertical_joints(epoch.points, surface - epoch.points[:, 1], spacing)
+        new = [x for x in found if not len(joints) or np.abs(joints - x).min() > NARROWEST_COLUMN_M]
+        joints = np.sort(np.concatenate([joints, new]))
+    x = epochs[0].points[:, 0]
+    ends = (float(np.quantile(x, 0.001)), float(np.quantile(x, 0.999)))
+    joints = joints[(joints > ends[0]) & (joints < ends[1])]
     warnings = []
     if not len(joints):
         warnings.append("No vertical joints were found: the wall was cut into strips, which may span two columns of panels.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -209,6 +209,11 @@ def _framed(epoch: Epoch, members: Array) -> Wall:
     return Wall(origin, axes, low, grown)
 
 
+def resurfaced(wall: Wall, points: Array) -> Wall:
+    """The same frame and grid with the smooth surface of other points (N, 3), wall frame."""
+    return replace(wall, surface=_grow(_grow(_cell_medians(points, wall.low, wall.surface.shape, CELL_M))))
+
+
 def _skew(values: Array) -> float:
     centred = values - np.median(values)
     return float(np.mean(centred**3))
@@ -216,6 +221,8 @@ def _skew(values: Array) -> float:
 
 def _cell_medians(points: Array, low: Array, shape: tuple[int, ...], edge: float) -> Array:
     cell = np.floor((points[:, [0, 2]] - low) / edge).astype(np.int64)
+    inside = ((cell >= 0) & (cell < shape)).all(axis=1)
+    points, cell = points[inside], cell[inside]
     key = cell[:, 0] * shape[1] + cell[:, 1]
     order = np.lexsort((points[:, 1], key))
     keys, first, count = np.unique(key[order], return_index=True, return_counts=True)

@@ -22,7 +22,7 @@ from bim_verify.core.simulation.panel_wall import PanelMove, WallDesign, build_w
 from bim_verify.core.simulation.scanner import PRESETS
 from bim_verify.core.simulation.scene import Scene
 from bim_verify.core.simulation.wall_scan import scan_window
-from bim_verify.core.wall_displacement.edges import Samples, fit_edges
+from bim_verify.core.wall_displacement.edges import Samples, choose_flank, fit_edge
 from bim_verify.core.wall_displacement.epoch import spread_rows
 from bim_verify.core.wall_displacement.result import Column, DisplacementResult, JointDisplacement
 from bim_verify.core.wall_displacement.tables import column_moved
@@ -166,6 +166,20 @@ def test_a_wall_curved_in_plan_has_its_columns_measured_in_their_own_direction()
         assert_moved_as(column, moves)
 
 
+def test_a_joint_between_the_scan_lines_of_one_epoch_still_parts_the_columns() -> None:
+    coarse = replace(SCANNER, angular_step=float(np.radians(0.12)))
+    place = np.array([15.0, 26.0, 1.75])
+
+    def seen(moves: Moves, seed: int) -> ArraySource:
+        low, high = np.array([-1.1, 0.0, 0.0]), np.array([1.1, 0.0, 6.1])
+        return ArraySource((Station("S", place),), (scan_window(wall(moves), place, low, high, coarse, seed=seed),))
+
+    moves = uniform(DESIGN, lateral=0.1)
+    base = seen(STILL, 1)
+    for seed in (10, 20, 30):
+        assert_moved_as(middle_column(displacement(base, seen(moves, seed))), moves, within=0.006)
+
+
 def test_epochs_from_other_stations_agree(base: ArraySource) -> None:
     moves = uniform(DESIGN, vertical=-0.015)
     later = scanned(wall(moves), 70, (-2.0, 5.0, 1.6), (2.5, 7.0, 2.1))
@@ -190,18 +204,32 @@ def test_the_order_of_the_returns_does_not_matter(base: ArraySource, moved: Arra
         assert second.vertical == pytest.approx(first.vertical, abs=1e-3)
 
 
-def test_the_edge_of_a_recess_is_found_and_its_sigma_says_how_well() -> None:
+def flank_samples(edge: float, count: int, random: np.random.Generator) -> Samples:
+    """Returns of a face with a chamfer of 20 mm at 45 degrees from ``edge`` on, a gap behind it, and relief of 8 mm."""
+    v = random.uniform(-0.08, edge + 0.03, count)
+    depth = np.clip(v - edge, 0.0, None)
+    depth[depth == 0.0] = 0.008 * (random.random((depth == 0.0).sum()) < 0.3)
+    gap = v > edge + 0.02
+    depth[gap] = random.uniform(0.02, 0.14, gap.sum())
+    noisy = depth + random.normal(0.0, 0.001, count)
+    return Samples(v, noisy, random.random(count), 0.0, 0.001, 0.011, 0.3, 0.14)
+
+
+@pytest.mark.parametrize("count", [25, 400])
+def test_few_returns_fix_the_edge_of_a_joint_and_sigma_says_how_well_it_moved(count: int) -> None:
     random = np.random.default_rng(1)
-    errors, sigmas = [], []
-    for k in range(40):
-        v = random.uniform(-0.05, 0.05, 400)
-        edge = 0.001 * (k % 7)
-        q = np.clip((v - edge) / 0.01 + 0.5, 0, 1)
-        found = fit_edges([Samples(v, np.clip(q + random.normal(0, 0.05, 400), 0, 1), random.random(400))], -0.04, 0.04)[0]
-        errors.append(found.at - edge)
-        sigmas.append(found.sigma)
-    assert np.abs(errors).max() < 0.001
-    assert np.mean(np.abs(errors) < 1.96 * np.array(sigmas)) > 0.85
+    places = [0.001 * (k % 7) - 0.02 for k in range(40)]
+    samples = [flank_samples(edge, count, random) for edge in places]
+    flank = choose_flank(samples, -0.08, 0.04)
+    assert flank.slope == pytest.approx(1.0, abs=0.26)
+    assert flank.depth == pytest.approx(0.02, abs=0.004)
+    edges = [fit_edge(s, flank, -0.08, 0.04) for s in samples]
+    assert np.abs(np.array([e.at for e in edges]) - places).max() < 0.003
+    # a movement is the difference of two edges, of which what they have in common drops out
+    moved = np.diff([e.at for e in edges])[::2] - np.diff(places)[::2]
+    sigma = np.hypot([e.sigma for e in edges[::2]], [e.sigma for e in edges[1::2]])
+    assert np.sqrt(np.mean(moved**2)) < 0.03 / count + 0.0004
+    assert np.mean(np.abs(moved) < 1.96 * sigma) > 0.85
 
 
 def test_thinning_has_no_period_and_takes_what_was_asked() -> None:
