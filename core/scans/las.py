@@ -13,6 +13,7 @@ from ..errors import BimVerifyError
 from .binary_records import find_origin
 from .campaign import Station
 from .scan_file import Columns, ScanFile, scan_frame_setup
+from .trajectory import trajectory_beside
 
 _SAMPLE_POINTS = 100_000
 _COLORS = ("red", "green", "blue")
@@ -45,6 +46,7 @@ class LasFile(ScanFile):
             names = list(header.point_format.dimension_names)
             self._has_color = "red" in names
             self._origin = find_origin(names)
+            self._path = trajectory_beside(path) if self._origin is None and "gps_time" in names else None
             date = header.creation_date
             sensor = str(header.system_identifier).strip()
         station = Station(
@@ -52,7 +54,7 @@ class LasFile(ScanFile):
             acquired=date.isoformat() if date else "",
         )
         super().__init__(path, [scan_frame_setup(station)], [count])
-        self.has_origins = self._origin is not None
+        self.has_origins = self._origin is not None or self._path is not None
         if self._has_color:
             self._wide_colors = self._colors_exceed_bytes()
 
@@ -95,8 +97,13 @@ class LasFile(ScanFile):
             yield Columns(
                 np.asarray(points.x), np.asarray(points.y), np.asarray(points.z),
                 invalid=np.asarray(points["withheld"]).astype(np.uint8), intensity=intensity, color=color,
-                origin=None if self._origin is None else np.column_stack([np.asarray(points[n]) for n in self._origin]),
+                origin=self._origins(points),
             )
+
+    def _origins(self, points: laspy.ScaleAwarePointRecord) -> np.ndarray | None:
+        if self._path is not None:
+            return self._path.at(np.asarray(points["gps_time"], np.float64))
+        return None if self._origin is None else np.column_stack([np.asarray(points[n]) for n in self._origin])
 
     def _cut_off(self, done: int) -> BimVerifyError:
         return BimVerifyError(

@@ -90,3 +90,41 @@ def test_quality_of_a_walk_says_what_was_covered(tmp_path: Path) -> None:
     covered = {e.name: e.measured.coverage / (1.0 - e.measured.turned_away) for e in result.elements}
     assert covered["north"] > 0.9 and covered["south"] > 0.9 and covered["floor"] > 0.85
     assert len(result.stations) >= 5
+
+
+def write_with_times(folder: Path, point: np.ndarray, place: np.ndarray, header: str) -> Path:
+    """Points with GPS times, and the path beside: ten places a second, one second a metre."""
+    path = folder / "walk.las"
+    cloud = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+    cloud.header.scales, cloud.header.offsets = np.full(3, 1e-5), np.floor(point.min(axis=0))
+    cloud.x, cloud.y, cloud.z = point.T
+    cloud.gps_time = 5000.0 + place[:, 0] - place[:, 0].min()
+    cloud.write(path)
+    low, high = place[:, 0].min() - 0.05, place[:, 0].max() + 0.1
+    x = np.arange(low, high, 0.1)
+    lines = [f"{5000.0 + v - place[:, 0].min():.6f},{v:.6f},{place[0, 1]:.6f},{place[0, 2]:.6f}" for v in x]
+    (folder / "walk.trajectory.csv").write_text("\n".join([*([header] if header else []), *lines]), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("header", ["", "Time,X,Y,Z"])
+def test_a_path_beside_the_cloud_says_where_each_point_was_measured_from(tmp_path: Path, header: str) -> None:
+    point, place = walk()
+    source = open_scans([write_with_times(tmp_path, point, place, header)])
+    stations = {id(s): s.position for s in source.stations}
+    assert 5 <= len(stations) <= 7 and all(s.known for s in source.stations)
+    assert np.abs(np.array([p[1:] for p in stations.values()]) - place[0, 1:]).max() < 1e-5
+    assert sum(len(b.offsets) for b in source.blocks(5000)) == len(point)
+
+
+def test_points_in_a_gap_of_the_path_are_dropped_and_a_bad_path_is_refused(tmp_path: Path) -> None:
+    point, place = walk()
+    path = write_with_times(tmp_path, point, place, "")
+    beside = tmp_path / "walk.trajectory.csv"
+    lines = beside.read_text(encoding="utf-8").splitlines()
+    beside.write_text("\n".join(lines[:10] + lines[30:]), encoding="utf-8")
+    held = sum(len(b.offsets) for b in open_scans([path]).blocks(5000))
+    assert 0.4 * len(point) < held < 0.7 * len(point)
+    beside.write_text("time,x,y,z\n1,2,three,4\n", encoding="utf-8")
+    with pytest.raises(BimVerifyError, match="line 2"):
+        open_scans([path])
