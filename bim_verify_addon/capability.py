@@ -12,7 +12,7 @@ from typing import Any
 
 import bpy
 
-from .colors import Mode
+from .colors import Legend, Mode
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,8 @@ class Capability:
     """A few lines for the read-out under the mouse. Also given: the vertex pointed at, -1 where there is none."""
     why: Callable[[bpy.types.Object], str] | None = None
     """The sentence below them."""
+    legend: Callable[[bpy.types.Scene], Legend | None] | None = None
+    """Colours of its own in the view, beside those of the mode: what they mean, while there are any."""
     forget: Callable[[bpy.types.Scene], None] | None = None
     """Another model was imported: what was found on the one before holds no more."""
     show: Callable[[bpy.types.Scene, Any], bool] | None = None

@@ -16,6 +16,9 @@ Swatch = tuple[str, palette.RGB]
 SEQUENTIAL_STOPS = ("#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725")
 """viridis: even steps of lightness, the same order for all colour vision deficiencies and in grey."""
 
+FACTORS = {"mm": 1000.0, "%": 100.0}
+"""From SI units, or shares, to the unit of a legend."""
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -118,7 +121,6 @@ def ramp(
     ``unit``: of the legend, ``mm`` (values are metres), ``m`` or ``%`` (values are shares). ``span``: scene -> lowest and
     highest value of the scale, beyond which the colour stays. ``nothing``: legend text of not-a-number, if there may be any.
     """
-    factor = {"mm": 1000.0, "%": 100.0}.get(unit, 1.0)
 
     def color(surface: Surface, scene: bpy.types.Scene) -> NDArray[np.float64]:
         low, high = span(scene)
@@ -126,15 +128,19 @@ def ramp(
         return palette.ramp_color(value, low, high, stops)
 
     def legend(scene: bpy.types.Scene) -> Legend:
-        low, high = span(scene)
-        signed = "+" if low < 0 else ""
-        places = np.linspace(0.0, 1.0, 5)
-        at = low + places * (high - low)
-        ticks = tuple((float(p), f"{_number(factor * v, signed)} {unit}") for p, v in zip(places, at, strict=True))
         swatches = ((nothing, palette.UNMEASURED),) if nothing else ()
-        return Legend(swatches, Ramp(tuple(palette.rgb(code) for code in stops), ticks))
+        return Legend(swatches, scale_of(*span(scene), unit=unit, stops=stops))
 
     return Mode(identifier, label, description, color, legend, known)
+
+
+def scale_of(low: float, high: float, *, unit: str, stops: tuple[str, ...]) -> Ramp:
+    """The scale from ``low`` to ``high`` (SI units, shares 0..1), its ticks in ``unit``: ``mm``, ``m`` or ``%``."""
+    factor, signed = FACTORS.get(unit, 1.0), "+" if low < 0 else ""
+    places = np.linspace(0.0, 1.0, 5)
+    at = low + places * (high - low)
+    ticks = tuple((float(p), f"{_number(factor * v, signed)} {unit}") for p, v in zip(places, at, strict=True))
+    return Ramp(tuple(palette.rgb(code) for code in stops), ticks)
 
 
 STATION_COLORS = np.array([

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 FACADES = "Facades"
 BOX_KEY = "bim_verify_facade"
 """On a rectangle: the number of its facade."""
+KINDS = ("window", "door")
 KIND_KEY = "kind"
 RISE_KEY = "arch_rise_m"
 PHOTO_KEY = "bim_verify_facade_photo"
@@ -40,11 +41,28 @@ def show_mockup(target: bpy.types.Scene, made: Mockup) -> None:
         for box in facade.boxes:
             low, high = np.array([box.x0, box.z0]), np.array([box.x1, box.z1])
             item = _rectangle(target, place, start, along, low, high, 2 * BEFORE_M, f"{box.kind.title()} type {box.type + 1}")
-            item[BOX_KEY], item[KIND_KEY], item[RISE_KEY] = index, box.kind, float(box.rise)
-            item.data.materials.append(plain_material(f"Facade {box.kind}", COLORS[box.kind]))
-            item.color, item.show_wire = COLORS[box.kind], True
+            item[BOX_KEY], item[RISE_KEY], item.show_wire = index, float(box.rise), True
+            set_kind(item, box.kind)
     footprint = None if made.footprint is None else made.footprint.tolist()
     target[DATA_KEY] = json.dumps({"facades": [facade_to_plain(f) for f in made.facades], "footprint": footprint})
+
+
+def kind_of(item: bpy.types.Object) -> str:
+    """``window`` or ``door``."""
+    return "door" if item.get(KIND_KEY) == "door" else "window"
+
+
+def set_kind(item: bpy.types.Object, kind: str) -> None:
+    """Let a rectangle stand for a window or a door, in its colour."""
+    item[KIND_KEY], item.color = kind, COLORS[kind]
+    item.data.materials.clear()
+    item.data.materials.append(plain_material(f"Facade {kind}", COLORS[kind]))
+
+
+def rise_of(item: bpy.types.Object) -> float:
+    """Of the arch, metres."""
+    rise = item.get(RISE_KEY, 0.0)
+    return float(rise) if isinstance(rise, int | float) and rise > 0 else 0.0
 
 
 def read_mockup(target: bpy.types.Scene) -> Mockup:
@@ -68,10 +86,8 @@ def read_mockup(target: bpy.types.Scene) -> Mockup:
         world = place.to_model(local @ matrix[:3, :3].T + matrix[:3, 3])
         start, along = bases[index]
         x, z = (world[:, :2] - start) @ along, world[:, 2]
-        kind = "door" if item.get(KIND_KEY) == "door" else "window"
-        rise = item.get(RISE_KEY, 0.0)
-        rise = float(rise) if isinstance(rise, int | float) and rise > 0 else 0.0
-        boxes[index].append(FacadeBox(float(x.min()), float(z.min()), float(x.max()), float(z.max()), kind, rise))
+        low, high = (float(x.min()), float(z.min())), (float(x.max()), float(z.max()))
+        boxes[index].append(FacadeBox(*low, *high, kind_of(item), rise_of(item)))
     return corrected(data["facades"], boxes, footprint)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, ClassVar, Generic, TypeVar
 
 import bpy
@@ -51,6 +51,8 @@ class Job(Generic[T]):
     """Mixed into an operator; the operator gives ``prepare`` and ``finish``."""
 
     title: ClassVar[str] = ""
+    panel_settings: ClassVar[tuple[str, ...]] = ()
+    """A property group of the scene, and those of its settings that are properties of the operator too."""
 
     def prepare(self, context: bpy.types.Context) -> Work[T]:
         """Read what is needed (main thread) and return the work. May raise BimVerifyError."""
@@ -59,6 +61,21 @@ class Job(Generic[T]):
     def finish(self, context: bpy.types.Context, value: T) -> str:
         """Put the result into the scene (main thread); one sentence for the status bar."""
         raise NotImplementedError
+
+    def take_settings(self, context: bpy.types.Context) -> None:
+        """What the caller did not say is as the panel has it."""
+        if not self.panel_settings:
+            return
+        group, *names = self.panel_settings
+        settings = getattr(context.scene, group)
+        for name in names:
+            if not self.properties.is_property_set(name):
+                setattr(self, name, getattr(settings, name))
+
+    def warn(self, warnings: Iterable[str]) -> None:
+        """What a person should know of a result, into Blender's list of reports."""
+        for warning in warnings:
+            self.report({"WARNING"}, warning)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Do all of it now: in background mode, in the ``bpy`` module, from a script.
@@ -69,6 +86,7 @@ class Job(Generic[T]):
             start_soon(self)
             return {"CANCELLED"}
         try:
+            self.take_settings(context)
             work = self.prepare(context)
             value = work(Progress())
         except Exception as error:
@@ -84,6 +102,7 @@ class Job(Generic[T]):
     def start(self, context: bpy.types.Context) -> set[str]:
         """Start the worker thread and the timer that watches it."""
         try:
+            self.take_settings(context)
             work = self.prepare(context)
         except Exception as error:
             return self._failed(error)

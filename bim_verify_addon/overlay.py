@@ -11,7 +11,7 @@ import gpu
 from gpu_extras.batch import batch_for_shader
 
 from . import colors
-from .capabilities import MODES, shown_first
+from .capabilities import CAPABILITIES, MODES, shown_first
 from .hover import HOVER, LINE_LENGTH
 from .known import known_object
 from .preferences import legend_size
@@ -55,16 +55,28 @@ def legend(scene: bpy.types.Scene) -> colors.Legend:
     return colors.Legend(tuple((f"{c.label}  {count.get(c.identifier, 0)}", c.color) for c in mode.categories), made.ramp)
 
 
+def legends(scene: bpy.types.Scene) -> list[tuple[str, colors.Legend]]:
+    """(title, legend) of all that colours say something in the scene."""
+    settings = scene.bim_verify
+    found = [(MODES[settings.color_mode].label, legend(scene))] if settings.has_findings else []
+    for capability in CAPABILITIES:
+        if capability.legend is not None and capability.step is not None and (own := capability.legend(scene)) is not None:
+            found.append((capability.step.label, own))
+    return found
+
+
 def _draw() -> None:
     context = bpy.context
     settings = context.scene.bim_verify
-    if not settings.has_findings:
+    shown = legends(context.scene) if settings.show_legend else []
+    if not settings.has_findings and not shown:
         return
     scale = context.preferences.system.ui_scale
     size = legend_size(context) * scale
     gpu.state.blend_set("ALPHA")
-    if settings.show_legend:
-        _draw_legend(context, size, scale)
+    left = MARGIN * scale
+    for title, one in shown:
+        left = _draw_legend(context, size, scale, title, one, left)
     if settings.show_numbers:
         _draw_numbers(context, size, scale)
     if settings.show_hover and HOVER.lines and HOVER.region == context.region.as_pointer():
@@ -72,13 +84,15 @@ def _draw() -> None:
     gpu.state.blend_set("NONE")
 
 
-def _draw_legend(context: bpy.types.Context, size: float, scale: float) -> None:
-    settings = context.scene.bim_verify
-    shown, title, step = legend(context.scene), MODES[settings.color_mode].label, 1.6 * size
+def _draw_legend(
+    context: bpy.types.Context, size: float, scale: float, title: str, shown: colors.Legend, left: float
+) -> float:
+    """At ``left`` (pixels); returns where the next one may begin."""
+    step = 1.6 * size
     texts = [title, *(text for text, _ in shown.swatches), *(text for _, text in (shown.ramp.ticks if shown.ramp else ()))]
     blf.size(0, size)
     width = max(blf.dimensions(0, text)[0] for text in texts) + 3.2 * size
-    left, bottom = MARGIN * scale, MARGIN * scale + _redo_panel_height(context)
+    bottom = MARGIN * scale + _redo_panel_height(context)
     lines = len(shown.swatches) + (RAMP_LINES if shown.ramp else 0) + 1
     _rectangle(left - 0.6 * size, bottom - 0.6 * size, width, lines * step + 0.8 * size, PLATE)
     y = bottom
@@ -90,6 +104,7 @@ def _draw_legend(context: bpy.types.Context, size: float, scale: float) -> None:
         _ramp(left, y, size, (RAMP_LINES - 1) * step, shown.ramp)
         y += RAMP_LINES * step
     _text(left, y + 0.2 * size, title, size)
+    return left + width + MARGIN * scale
 
 
 def numbers(context: bpy.types.Context) -> list[str]:

@@ -67,6 +67,14 @@ def model_path(settings: bpy.types.PropertyGroup) -> str:
     return bonsai.live_path() or bpy.path.abspath(settings.model_path)
 
 
+def folder(scene: bpy.types.Scene) -> Path:
+    """Where to propose a file: beside the .blend file, else beside the model, else at home."""
+    if bpy.data.filepath:
+        return Path(bpy.data.filepath).parent
+    model = model_path(scene.bim_verify)
+    return Path(model).parent if model else Path.home()
+
+
 def has_model(settings: bpy.types.PropertyGroup) -> bool:
     """A model is there: Bonsai holds one, or the scene names a file."""
     return bonsai.live_file() is not None or bool(settings.model_path)

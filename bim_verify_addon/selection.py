@@ -8,6 +8,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
+from ..core.errors import BimVerifyError
 from ..core.model.elements import BuildingModel
 from ..core.options import VerifyOptions
 from ..core.results import SampleEvidence, VerificationResult
@@ -19,6 +20,16 @@ def global_ids(context: bpy.types.Context) -> set[str]:
     """GlobalIds of the selected elements: our objects or Bonsai's."""
     found = {item.get(GUID_KEY) or bonsai.global_id(item) for item in context.selected_objects}
     return {identifier for identifier in found if isinstance(identifier, str)}
+
+
+def chosen(context: bpy.types.Context, selected_only: bool) -> set[str] | None:
+    """GlobalIds of the selection where only that is asked for, else None: all. Raises BimVerifyError when it is empty."""
+    if not selected_only:
+        return None
+    found = global_ids(context)
+    if not found:
+        raise BimVerifyError("No element is selected. Select some, or turn off 'Selected elements only'.")
+    return found
 
 
 def comparable(new: BuildingModel, options: VerifyOptions, earlier: VerificationResult | None) -> bool:

@@ -60,6 +60,9 @@ def package() -> ModuleType:
 
 def load_checkout() -> ModuleType:
     """The folder above as the package ``bim_verify``, whatever the folder is called."""
+    known = sys.modules.get(NAME)
+    if known is not None and getattr(known, "__path__", None) == [str(CHECKOUT)]:
+        return known
     spec = importlib.util.spec_from_file_location(NAME, CHECKOUT / "__init__.py", submodule_search_locations=[str(CHECKOUT)])
     if spec is None or spec.loader is None:
         raise ImportError(f"{CHECKOUT} is no package")

@@ -2,18 +2,16 @@
 
     blender --factory-startup --window-geometry 0 0 1600 1000 --python scripts/render_blender_docs.py -- [--out docs/images]
 
-Needs a window that fills the screen (a virtual one will do): the pictures are taken from the screen, since Blender's own
-screenshots are black where the graphics are emulated. Blender ends when the last picture is there.
+Needs a window that fills the screen (a virtual one will do). Blender ends when the last picture is there.
+``scripts/render_blender_steps.py`` makes the pictures of the other steps.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
-import os
 import sys
 import tempfile
-import traceback
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,23 +20,24 @@ from mathutils import Euler
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from headless_entry import package
+from blender_window import (
+    TO_DRAW_S,
+    WHILE_BUSY_S,
+    choose_tab,
+    in_view,
+    run,
+    scroll_to_result,
+    shoot,
+    tidy,
+    until_idle,
+    view,
+)
 
-PACKAGE = package()
+from bim_verify.bim_verify_addon import hover, scene
+from bim_verify.bim_verify_addon.session import SESSION
+from bim_verify.core.simulation.demo import make_demo
 
-from PIL import ImageGrab  # noqa: E402
-
-from bim_verify.bim_verify_addon import hover, scene  # noqa: E402
-from bim_verify.bim_verify_addon.registration import register  # noqa: E402
-from bim_verify.bim_verify_addon.session import SESSION  # noqa: E402
-from bim_verify.core.simulation.demo import make_demo  # noqa: E402
-
-SIZE = (960, 680)
-WHILE_BUSY_S, TO_DRAW_S = 0.3, 1.5
 MODES = {"DEVIATION": "deviation", "BELIEF": "evidence", "LOA": "loa", "COVERAGE": "coverage"}
-SCROLL_STEPS = 60
-"""More than the sidebar is long; it stops at its end."""
-SIDEBAR = "BIM Verify"
 
 
 def story(folder: Path, out: Path) -> Iterator[float]:
@@ -93,35 +92,6 @@ def story(folder: Path, out: Path) -> Iterator[float]:
     shoot(out / "blender_finding.png")
 
 
-def tidy() -> None:
-    """An empty scene, one view with the sidebar open, no grid."""
-    for item in list(bpy.data.objects):
-        bpy.data.objects.remove(item)
-    space = view().spaces.active
-    space.show_region_ui = True
-    space.overlay.show_floor = space.overlay.show_axis_x = space.overlay.show_axis_y = False
-    space.overlay.show_cursor = False
-    space.shading.show_object_outline = False
-    bpy.context.scene.bim_verify.show_hover = False  # wherever the mouse happens to be
-
-
-def choose_tab() -> None:
-    """Ours, of the sidebar; it must have been drawn before."""
-    for region in view().regions:
-        if region.type == "UI":
-            region.active_panel_category = SIDEBAR
-            region.tag_redraw()
-
-
-def scroll_to_result() -> None:
-    """Down to the list of findings and the active element."""
-    area = view()
-    region = next(r for r in area.regions if r.type == "UI")
-    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area, region=region):
-        for _ in range(SCROLL_STEPS):
-            bpy.ops.view2d.scroll_down()
-
-
 def frame_building() -> None:
     """The building from the south-west, without the terrain."""
     for item in scene.element_objects(bpy.context.scene).values():
@@ -153,63 +123,17 @@ def point_at_a_deviating_element() -> None:
                 return
 
 
-def until_idle() -> Iterator[float]:
-    """Wait for the running job."""
-    yield TO_DRAW_S
-    while SESSION.job is not None:
-        yield WHILE_BUSY_S
-    yield TO_DRAW_S
-
-
-def view() -> bpy.types.Area:
-    """The 3D view."""
-    return next(a for a in bpy.context.window_manager.windows[0].screen.areas if a.type == "VIEW_3D")
-
-
-def in_view() -> object:
-    """Context for operators that need the view."""
-    area = view()
-    region = next(r for r in area.regions if r.type == "WINDOW")
-    return bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area, region=region)
-
-
-def shoot(path: Path) -> None:
-    """The 3D view with its sidebar as it is on the screen, as a small PNG."""
-    screen, area = ImageGrab.grab(xdisplay=os.environ.get("DISPLAY")), view()
-    bottom = screen.height - area.y
-    picture = screen.crop((area.x, bottom - area.height, area.x + area.width, bottom)).convert("RGB")
-    picture.thumbnail(SIZE)
-    picture.save(path, optimize=True)
-    print(path, flush=True)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path(__file__).resolve().parent.parent / "docs" / "images")
     arguments = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [])
-    if bpy.app.background:
-        raise SystemExit("The pictures need a Blender with a window.")
     arguments.out.mkdir(parents=True, exist_ok=True)
-    bpy.context.preferences.view.show_splash = False
-    bpy.context.preferences.view.smooth_view = 0
-    if not hasattr(bpy.types.Scene, "bim_verify"):
-        register()
-    folder = tempfile.TemporaryDirectory(prefix="bim_verify_docs_")
-    steps = story(Path(folder.name), arguments.out.resolve())
 
-    def tick() -> float:
-        try:
-            return next(steps)
-        except StopIteration:
-            code = 0
-        except Exception:
-            traceback.print_exc()
-            code = 1
-        folder.cleanup()
-        sys.stdout.flush()
-        os._exit(code)
+    def steps() -> Iterator[float]:
+        with tempfile.TemporaryDirectory(prefix="bim_verify_docs_") as folder:
+            yield from story(Path(folder), arguments.out.resolve())
 
-    bpy.app.timers.register(tick, first_interval=2.0, persistent=True)
+    run(steps())
 
 
 main()

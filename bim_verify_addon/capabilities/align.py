@@ -5,15 +5,18 @@ from __future__ import annotations
 import bpy
 
 from ..capability import Capability, Step, StepState
+from ..step_parts import MAIN_HEIGHT, missing, reached
 
 
 def _state(scene: bpy.types.Scene) -> StepState:
     summary = scene.bim_verify.alignment_summary
-    return StepState(bool(summary), summary or "Optional: scans are taken as they are")
+    return reached(summary, "Optional: scans are taken as they are", missing(scene))
 
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    layout.operator_menu_enum("bim_verify.align", "mode", text="Align Scans", icon="ORIENTATION_GLOBAL")
+    row = layout.row()
+    row.scale_y = MAIN_HEIGHT
+    row.operator_menu_enum("bim_verify.align", "mode", text="Align Scans", icon="ORIENTATION_GLOBAL")
     layout.prop(context.scene.bim_verify, "align", text="When verifying")
 
 

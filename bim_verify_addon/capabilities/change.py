@@ -12,20 +12,22 @@ from .. import change_scene, project
 from ..capability import Capability, Step, StepState
 from ..change_properties import BimVerifyChangeSettings
 from ..colors import Category, categorical
+from ..step_parts import main_button, missing, reached
 
 
 def _state(scene: bpy.types.Scene) -> StepState:
-    settings = scene.bim_verify_change
-    if settings.summary:
-        return StepState(True, settings.summary)
-    return StepState(False, "What is new, gone, or as before: against the model, or a reference epoch")
+    return reached(
+        scene.bim_verify_change.summary,
+        "Optional: what is new, gone, or as before, against the model or a reference epoch",
+        missing(scene),
+    )
 
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     settings = context.scene.bim_verify_change
     layout.prop(settings, "reference")
     layout.prop(settings, "each_file")
-    layout.operator("bim_verify.change", icon="MOD_BUILD")
+    main_button(layout, "change", "MOD_BUILD")
     if settings.epochs:
         layout.prop(settings, "epoch", slider=True, text=settings.epoch_name or "Epoch")
 

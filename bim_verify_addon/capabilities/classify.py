@@ -6,26 +6,41 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, StringProperty
 
 from .. import project
 from .. import scene as scenery
 from ..capability import Capability, Step, StepState
+from ..step_parts import main_button, missing, reached
 
 
 class BimVerifyClassifySettings(bpy.types.PropertyGroup):
     """Of one scene."""
 
     summary: StringProperty()
+    as_built: BoolProperty(
+        name="As built",
+        description="Verify first, and look for moved elements where they stand and not for absent ones",
+    )
+    per_station: BoolProperty(
+        name="A scan per station",
+        description="E57: one scan for each element and station, with that station's pose",
+    )
 
 
 def _state(scene: bpy.types.Scene) -> StepState:
-    found = scene.bim_verify_classify.summary
-    return StepState(bool(found), found or "Optional: the scans split by element, for other programs")
+    return reached(
+        scene.bim_verify_classify.summary, "Optional: the scans split by element, for other programs", missing(scene)
+    )
 
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    layout.operator("bim_verify.classify", icon="OUTLINER_OB_POINTCLOUD")
+    layout.prop(context.scene.bim_verify_classify, "as_built")
+    main_button(layout, "classify", "OUTLINER_OB_POINTCLOUD")
+
+
+def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    layout.prop(context.scene.bim_verify_classify, "per_station")
 
 
 def _forget(scene: bpy.types.Scene) -> None:
@@ -48,6 +63,6 @@ def show(scene: bpy.types.Scene, result: Any) -> bool:
 
 
 CAPABILITY = Capability(
-    "classify", Step("classify", "Classify", _state, _draw, optional=True), settings=BimVerifyClassifySettings,
+    "classify", Step("classify", "Classify", _state, _draw, _expert, optional=True), settings=BimVerifyClassifySettings,
     forget=_forget, show=show,
 )

@@ -7,8 +7,11 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
 
+from ...core.report import palette
 from .. import wall_scene
 from ..capability import Capability, Step, StepState
+from ..colors import Legend, scale_of
+from ..step_parts import main_button, reached
 from ..text import wrapped
 
 
@@ -24,7 +27,7 @@ class BimVerifyDisplacementSettings(bpy.types.PropertyGroup):
         name="Later", subtype="FILE_PATH", description="Scan of the later epoch, registered to the same frame"
     )
     registration_sigma_mm: FloatProperty(
-        name="Registration", default=1.0, min=0.0, max=999.0,
+        name="Registration sigma (mm)", default=1.0, min=0.0, max=999.0,
         description="Standard deviation of the registration between the epochs, millimetres",
     )
     direction: EnumProperty(
@@ -39,14 +42,16 @@ class BimVerifyDisplacementSettings(bpy.types.PropertyGroup):
 
 def _state(scene: bpy.types.Scene) -> StepState:
     found = scene.get(wall_scene.SUMMARY_KEY, "")
-    return StepState(bool(found), found or "Optional: how a panelled wall moved between two scans")
+    settings = scene.bim_verify_displacement
+    lacks = "" if settings.base.strip() and settings.later.strip() else "Needs the scans of both epochs"
+    return reached(found, "Optional: how a panelled wall moved between two scans", lacks)
 
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     settings = context.scene.bim_verify_displacement
     layout.prop(settings, "base")
     layout.prop(settings, "later")
-    layout.operator("bim_verify.displacement", icon="MOD_ARRAY")
+    main_button(layout, "displacement", "MOD_ARRAY")
     if wall_scene.SUMMARY_KEY in context.scene:
         layout.row().prop(settings, "direction", expand=True)
     item = context.object
@@ -59,6 +64,16 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     layout.prop(context.scene.bim_verify_displacement, "registration_sigma_mm")
+
+
+def _legend(scene: bpy.types.Scene) -> Legend | None:
+    if wall_scene.SUMMARY_KEY not in scene:
+        return None
+    limit = float(scene[wall_scene.LIMIT_KEY])
+    return Legend(
+        (("Not measured", palette.UNMEASURED),),
+        scale_of(-limit, limit, unit="mm", stops=palette.DEVIATION_STOPS),
+    )
 
 
 def show(scene: bpy.types.Scene, result: Any) -> bool:
@@ -75,6 +90,7 @@ CAPABILITY = Capability(
     "displacement",
     Step("displacement", "Wall Displacement", _state, _draw, _expert, optional=True),
     settings=BimVerifyDisplacementSettings,
+    legend=_legend,
     forget=wall_scene.forget,
     show=show,
 )

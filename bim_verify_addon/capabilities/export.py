@@ -7,6 +7,7 @@ import bpy
 from .. import bonsai
 from ..capability import Capability, Step, StepState
 from ..session import SESSION
+from ..step_parts import main_button
 
 
 def _state(scene: bpy.types.Scene) -> StepState:
@@ -20,9 +21,7 @@ def _state(scene: bpy.types.Scene) -> StepState:
 
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    row = layout.row()
-    row.scale_y = 1.4
-    row.operator("bim_verify.export_ifc", icon="EXPORT")
+    main_button(layout, "export_ifc", "EXPORT")
     column = layout.column(align=True)
     column.operator("bim_verify.update_model", icon="MOD_ARRAY")
     column.operator("bim_verify.export_bcf", icon="BOOKMARKS")

@@ -5,30 +5,80 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import EnumProperty, FloatProperty, StringProperty
 
 from .. import facade_scene
 from ..capability import Capability, Step, StepState
+from ..step_parts import main_button, reached
+
+
+def _kind(box: bpy.types.PropertyGroup) -> int:
+    return facade_scene.KINDS.index(facade_scene.kind_of(box.id_data))
+
+
+def _set_kind(box: bpy.types.PropertyGroup, value: int) -> None:
+    facade_scene.set_kind(box.id_data, facade_scene.KINDS[value])
+
+
+def _rise(box: bpy.types.PropertyGroup) -> float:
+    return facade_scene.rise_of(box.id_data)
+
+
+def _set_rise(box: bpy.types.PropertyGroup, value: float) -> None:
+    box.id_data[facade_scene.RISE_KEY] = value
+
+
+class BimVerifyFacadeBox(bpy.types.PropertyGroup):
+    """A window or door, on its rectangle; kept in custom properties, so that a copy of the rectangle has them too."""
+
+    kind: EnumProperty(
+        name="Kind", get=_kind, set=_set_kind, description="What the rectangle stands for",
+        items=[("WINDOW", "Window", "A window in an opening"), ("DOOR", "Door", "A door in an opening")],
+    )
+    rise: FloatProperty(
+        name="Arch rise", unit="LENGTH", min=0.0, get=_rise, set=_set_rise,
+        description="Of the arch over its sides, metres; zero: a straight top",
+    )
 
 
 class BimVerifyFacadeSettings(bpy.types.PropertyGroup):
     """Of one scene."""
 
     summary: StringProperty()
+    width: FloatProperty(name="Width", unit="LENGTH", min=0.0, description="Of the facade, metres; zero: not known")
+    height: FloatProperty(name="Height", unit="LENGTH", min=0.0, description="Of the facade, metres; zero: not known")
+    floor_height: FloatProperty(
+        name="Floor height", unit="LENGTH", min=0.0, description="Floor to floor, metres; zero: not known"
+    )
+    corners: StringProperty(
+        name="Corners", description="X,Y,X,Y,X,Y,X,Y of the facade in pixels of the photo; empty: found by vanishing lines"
+    )
 
 
 def _state(scene: bpy.types.Scene) -> StepState:
-    found = scene.bim_verify_facade.summary
-    return StepState(bool(found), found or "Optional: a mock-up model from a photo of a facade")
+    settings = scene.bim_verify_facade
+    known = settings.width or settings.height or settings.floor_height
+    lacks = "" if known else "Without a known length the scale is a guess (12 %)"
+    return reached(settings.summary, "Optional: a mock-up model from a photo of a facade", lacks)
 
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    layout.operator("bim_verify.facade", icon="IMAGE_DATA")
+    settings = context.scene.bim_verify_facade
+    column = layout.column(align=True)
+    for name in ("width", "height", "floor_height"):
+        column.prop(settings, name)
+    main_button(layout, "facade", "IMAGE_DATA")
     layout.operator("bim_verify.write_facade", icon="EXPORT")
     item = context.object
     if item is not None and facade_scene.BOX_KEY in item:
-        layout.prop(item, f'["{facade_scene.KIND_KEY}"]', text="Kind")
-        layout.prop(item, f'["{facade_scene.RISE_KEY}"]', text="Arch rise")
+        box = layout.box()
+        box.label(text=item.name)
+        box.row().prop(item.bim_verify_facade, "kind", expand=True)
+        box.prop(item.bim_verify_facade, "rise")
+
+
+def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    layout.prop(context.scene.bim_verify_facade, "corners")
 
 
 def show(scene: bpy.types.Scene, result: Any) -> bool:
@@ -42,5 +92,6 @@ def show(scene: bpy.types.Scene, result: Any) -> bool:
 
 
 CAPABILITY = Capability(
-    "facade", Step("facade", "Facade", _state, _draw, optional=True), settings=BimVerifyFacadeSettings, show=show,
+    "facade", Step("facade", "Facade", _state, _draw, _expert, optional=True), settings=BimVerifyFacadeSettings,
+    element=BimVerifyFacadeBox, show=show,
 )

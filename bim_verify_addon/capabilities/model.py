@@ -6,6 +6,7 @@ import bpy
 
 from .. import bonsai
 from ..capability import Capability, Step, StepState
+from ..step_parts import main_button
 
 
 def _state(scene: bpy.types.Scene) -> StepState:
@@ -18,7 +19,7 @@ def _state(scene: bpy.types.Scene) -> StepState:
 
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    layout.operator("bim_verify.import_ifc", icon="HOME")
+    main_button(layout, "import_ifc", "HOME")
 
 
 CAPABILITY = Capability("model", Step("model", "Model", _state, _draw))

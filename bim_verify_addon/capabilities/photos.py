@@ -8,16 +8,19 @@ import bpy
 
 from .. import photo_scene
 from ..capability import Capability, Step, StepState
+from ..step_parts import main_button, missing, reached
 from ..text import wrapped
 
 
 def _state(scene: bpy.types.Scene) -> StepState:
     found = scene.get(photo_scene.SUMMARY_KEY, "")
-    return StepState(bool(found), found or "Put photos on the model and look through their cameras")
+    return reached(
+        found, "Optional: put photos on the model and look through their cameras", missing(scene, scans=False)
+    )
 
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    layout.operator("bim_verify.coregister", icon="IMAGE_BACKGROUND")
+    main_button(layout, "coregister", "IMAGE_BACKGROUND")
     item = context.object
     if item is not None and photo_scene.PHOTO_KEY in item and item.type == "CAMERA":
         text = f"{item[photo_scene.PHOTO_KEY]}: {item['bim_verify_state']}. {item['note']}"

@@ -12,6 +12,7 @@ from ...core.report import palette
 from .. import survey_scene
 from ..capability import Capability, Step, StepState
 from ..colors import Legend, Mode, Surface, ramp
+from ..step_parts import main_button, missing, reached
 from ..text import percent, wrapped
 
 COARSEST_M = 0.05
@@ -20,13 +21,14 @@ COARSEST_M = 0.05
 
 def _state(scene: bpy.types.Scene) -> StepState:
     found = scene.get(survey_scene.SUMMARY_KEY, "")
-    return StepState(bool(found), found or "How good the scans are, what is missing and why, and where to scan next")
+    return reached(found, "Optional: how good the scans are, what is missing and why, where to scan next", missing(scene))
 
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    layout.operator("bim_verify.quality", icon="SHADING_TEXTURE")
-    layout.operator("bim_verify.plan", icon="OUTLINER_OB_LIGHTPROBE")
-    layout.operator("bim_verify.simulate", icon="OUTLINER_OB_POINTCLOUD")
+    main_button(layout, "quality", "SHADING_TEXTURE")
+    column = layout.column(align=True)
+    column.operator("bim_verify.plan", icon="OUTLINER_OB_LIGHTPROBE")
+    column.operator("bim_verify.simulate", icon="OUTLINER_OB_POINTCLOUD")
     item = context.object
     if item is not None and survey_scene.STATION_KEY in item:
         wrapped(layout.box(), context, f"{item[survey_scene.STATION_KEY]}: {item['note']}")

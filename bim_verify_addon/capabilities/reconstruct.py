@@ -11,6 +11,7 @@ from bpy.props import StringProperty
 from .. import project
 from .. import scene as scenery
 from ..capability import Capability, Step, StepState
+from ..step_parts import main_button, missing, reached
 
 
 class BimVerifyReconstructSettings(bpy.types.PropertyGroup):
@@ -20,12 +21,15 @@ class BimVerifyReconstructSettings(bpy.types.PropertyGroup):
 
 
 def _state(scene: bpy.types.Scene) -> StepState:
-    found = scene.bim_verify_reconstruct.summary
-    return StepState(bool(found), found or "Optional: a model from scans of the building's inside")
+    return reached(
+        scene.bim_verify_reconstruct.summary,
+        "Optional: a model from scans of the building's inside",
+        missing(scene, model=False),
+    )
 
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    layout.operator("bim_verify.reconstruct", icon="MOD_SOLIDIFY")
+    main_button(layout, "reconstruct", "MOD_SOLIDIFY")
 
 
 def _forget(scene: bpy.types.Scene) -> None:

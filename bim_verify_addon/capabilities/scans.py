@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..capability import Capability, Step, StepState
+from ..step_parts import main_button
 
 
 class BIMVERIFY_UL_scans(bpy.types.UIList):
@@ -32,7 +33,7 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         row = layout.row()
         row.template_list("BIMVERIFY_UL_scans", "", settings, "scans", settings, "scan_index", rows=2)
         row.operator("bim_verify.remove_scan", text="", icon="REMOVE")
-    layout.operator("bim_verify.import_scan", icon="ADD")
+    main_button(layout, "import_scan", "ADD")
 
 
 def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

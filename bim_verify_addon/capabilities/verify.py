@@ -15,6 +15,7 @@ from .. import project, verdicts
 from .. import scene as scenery
 from ..capability import Capability, Step, StepState
 from ..colors import Category, Legend, Mode, Surface, categorical, ramp
+from ..step_parts import main_button, missing
 from ..text import millimetres, percent, signed_millimetres
 
 LOA_COLORS: dict[str, palette.RGB] = {
@@ -39,11 +40,7 @@ def _state(scene: bpy.types.Scene) -> StepState:
     settings = scene.bim_verify
     if settings.counts:
         return StepState(True, settings.result_summary)
-    if not project.has_model(settings):
-        return StepState(False, "Needs a model")
-    if not any(scan.use for scan in settings.scans):
-        return StepState(False, "Needs a scan")
-    return StepState(False, "Ready")
+    return StepState(False, missing(scene) or "Ready")
 
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -52,9 +49,7 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column.prop(settings, "loa")
     column.prop(settings, "sigma_mm")
     column.prop(settings, "selected_only")
-    row = layout.row()
-    row.scale_y = 1.4
-    row.operator("bim_verify.verify", icon="VIEWZOOM")
+    main_button(layout, "verify", "VIEWZOOM")
 
 
 def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -58,6 +58,5 @@ class BIMVERIFY_OT_change(Job["ChangeResult"], bpy.types.Operator):
         change_scene.show_change(context.scene, value)
         scene.show_planned(context, False)
         scene.show_colors_in_views()
-        for warning in value.warnings:
-            self.report({"WARNING"}, warning)
+        self.warn(value.warnings)
         return context.scene.bim_verify_change.summary

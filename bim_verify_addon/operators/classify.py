@@ -11,13 +11,13 @@ from ...core.errors import BimVerifyError
 from ...core.options import ClassifyOptions
 from ...core.progress import Progress
 from .. import project
-from ..jobs import Job, Work
-from .file_browser import has_model, has_scans, idle, propose, restart_when_closed
+from ..jobs import Work
+from .file_browser import FileJob, has_model, has_scans, idle
 
 SUFFIXES = (".e57", ".las", ".laz")
 
 
-class BIMVERIFY_OT_classify(Job["tuple[str, str]"], bpy.types.Operator):
+class BIMVERIFY_OT_classify(FileJob["tuple[str, str]"], bpy.types.Operator):
     """Assign every return to the element that it met and write the cloud: E57 element by element, LAS/LAZ with codes."""
 
     bl_idname = "bim_verify.classify"
@@ -25,6 +25,7 @@ class BIMVERIFY_OT_classify(Job["tuple[str, str]"], bpy.types.Operator):
     bl_description = "Assign every return to the element that it met and write the cloud, element by element"
     bl_options = {"REGISTER"}
     title = "Classify"
+    panel_settings = ("bim_verify_classify", "as_built", "per_station")
 
     filepath: StringProperty(name="File", subtype="FILE_PATH", description="The E57, LAS or LAZ file to write")
     filter_glob: StringProperty(default="*.e57;*.las;*.laz", options={"HIDDEN"})
@@ -42,15 +43,9 @@ class BIMVERIFY_OT_classify(Job["tuple[str, str]"], bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         return has_model(cls, context) and has_scans(cls, context) and idle(cls)
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        def name() -> Path:
-            first = Path(project.scan_paths(context.scene.bim_verify)[0])
-            return first.with_name(f"{first.stem}_classified.e57")
-
-        return propose(self, context, event, name, lambda c, e: Job.invoke(self, c, e))
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        return {"CANCELLED"} if restart_when_closed(self) else Job.execute(self, context)
+    def proposed(self, context: bpy.types.Context) -> Path:
+        first = Path(project.scan_paths(context.scene.bim_verify)[0])
+        return first.with_name(f"{first.stem}_classified.e57")
 
     def prepare(self, context: bpy.types.Context) -> Work[tuple[str, str]]:
         from ...core import jobs

@@ -11,15 +11,15 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from ...core.errors import BimVerifyError
 from ...core.progress import Progress
 from .. import project
-from ..jobs import Job, Work
+from ..jobs import Work
 from ..properties import LOA_ITEMS
-from .file_browser import ask_or_start, has_model, idle, restart_when_closed
+from .file_browser import FileJob, has_model, idle
 
 if TYPE_CHECKING:
     from ...core.imagery.coregistration import CoregistrationResult
 
 
-class BIMVERIFY_OT_coregister(Job["CoregistrationResult"], bpy.types.Operator):
+class BIMVERIFY_OT_coregister(FileJob["CoregistrationResult"], bpy.types.Operator):
     """Place photos on the model by straight lines that lie on its edges."""
 
     bl_idname = "bim_verify.coregister"
@@ -38,12 +38,6 @@ class BIMVERIFY_OT_coregister(Job["CoregistrationResult"], bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return has_model(cls, context) and idle(cls)
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
-        return ask_or_start(self, context, event, lambda c, e: Job.invoke(self, c, e))
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        return {"CANCELLED"} if restart_when_closed(self) else Job.execute(self, context)
 
     def prepare(self, context: bpy.types.Context) -> Work[CoregistrationResult]:
         from ...core.imagery.cameras_file import read_cameras
@@ -71,6 +65,5 @@ class BIMVERIFY_OT_coregister(Job["CoregistrationResult"], bpy.types.Operator):
 
         project.adopt_frame(context.scene, value.model)
         message = show_photos(context.scene, value)
-        for warning in value.warnings:
-            self.report({"WARNING"}, warning)
+        self.warn(value.warnings)
         return message

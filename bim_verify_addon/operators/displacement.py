@@ -64,6 +64,5 @@ class BIMVERIFY_OT_displacement(Job["DisplacementResult"], bpy.types.Operator):
             bonsai.change_file(context, self.bl_idname, lambda file: apply_displacement_pset(file, self.element, value))
         message = wall_scene.show_displacement(context.scene, value)
         scene.show_colors_in_views()
-        for warning in value.warnings:
-            self.report({"WARNING"}, warning)
+        self.warn(value.warnings)
         return message

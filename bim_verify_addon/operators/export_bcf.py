@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from ...core.errors import BimVerifyError
 from ...core.progress import Progress
 from ...core.report.palette import STATUS_LABELS, STATUS_MEANINGS
 from .. import selection
@@ -54,9 +53,7 @@ class BIMVERIFY_OT_export_bcf(ResultFile, bpy.types.Operator):
     def writer(self, context: bpy.types.Context) -> Write:
         from ...core.exchange.bcf import write_bcf
 
-        only = selection.global_ids(context) if self.selected_only else None
-        if only is not None and not only:
-            raise BimVerifyError("No element is selected. Select some, or turn off 'Selected elements only'.")
+        only = selection.chosen(context, self.selected_only)
         version, statuses, pictures = self.version, set(self.statuses), self.pictures
 
         def write(result: VerificationResult, path: Path, progress: Progress) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from ...core.progress import Progress
+from .. import selection
 from .result_file import ResultFile, Write
 
 if TYPE_CHECKING:
@@ -50,12 +52,17 @@ class BIMVERIFY_OT_export_table(ResultFile, bpy.types.Operator):
     filepath: StringProperty(name="File", subtype="FILE_PATH", description="The .xlsx or .csv file to write")
     filter_glob: StringProperty(default="*.xlsx;*.csv", options={"HIDDEN"})
     check_existing: BoolProperty(default=True, options={"HIDDEN"})
+    selected_only: BoolProperty(name="Selected elements only", description="A line for each selected element only")
 
     def writer(self, context: bpy.types.Context) -> Write:
         from ...core.exchange.xlsx import write_xlsx
         from ...core.report.csv_out import write_csv
 
+        only = selection.chosen(context, self.selected_only)
+
         def write(result: VerificationResult, path: Path, progress: Progress) -> str:
+            if only is not None:
+                result = replace(result, verdicts=tuple(v for v in result.verdicts if v.global_id in only))
             (write_csv if path.suffix.lower() == ".csv" else write_xlsx)(path, result)
             return str(path)
 

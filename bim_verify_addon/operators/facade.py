@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import FloatProperty, StringProperty
+from bpy.props import BoolProperty, FloatProperty, StringProperty
 
 from ...core.errors import BimVerifyError
 from ...core.files import whole_file
 from ...core.progress import Progress
-from ..jobs import Job, Work
-from .file_browser import ask_or_start, idle, propose, restart_when_closed
+from .. import project
+from ..jobs import Work
+from .file_browser import FileJob, idle
 
 if TYPE_CHECKING:
     from ...core.facade.mockup import Mockup
@@ -27,7 +28,7 @@ class Written:
     made: Mockup
 
 
-class BIMVERIFY_OT_facade(Job["Mockup"], bpy.types.Operator):
+class BIMVERIFY_OT_facade(FileJob["Mockup"], bpy.types.Operator):
     """Read windows and doors from a photo of a facade."""
 
     bl_idname = "bim_verify.facade"
@@ -35,25 +36,22 @@ class BIMVERIFY_OT_facade(Job["Mockup"], bpy.types.Operator):
     bl_description = "Find the windows and doors of a facade in a photo; correct them in the scene, then write the model"
     bl_options = {"REGISTER", "UNDO"}
     title = "Facade"
+    panel_settings = ("bim_verify_facade", "corners", "width", "height", "floor_height")
 
     filepath: StringProperty(name="Photo", subtype="FILE_PATH", description="A photo of one facade")
     filter_glob: StringProperty(default="*.jpg;*.jpeg;*.png;*.tif;*.tiff", options={"HIDDEN"})
     corners: StringProperty(
         name="Corners", description="X,Y,X,Y,X,Y,X,Y of the facade in pixels of the photo; empty: found by vanishing lines"
     )
-    width: FloatProperty(name="Width", unit="LENGTH", min=0.0, description="Of the facade; zero: not known")
-    height: FloatProperty(name="Height", unit="LENGTH", min=0.0, description="Of the facade; zero: not known")
-    floor_height: FloatProperty(name="Floor height", unit="LENGTH", min=0.0, description="Floor to floor; zero: not known")
+    width: FloatProperty(name="Width", unit="LENGTH", min=0.0, description="Of the facade, metres; zero: not known")
+    height: FloatProperty(name="Height", unit="LENGTH", min=0.0, description="Of the facade, metres; zero: not known")
+    floor_height: FloatProperty(
+        name="Floor height", unit="LENGTH", min=0.0, description="Floor to floor, metres; zero: not known"
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return idle(cls)
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
-        return ask_or_start(self, context, event, lambda c, e: Job.invoke(self, c, e))
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        return {"CANCELLED"} if restart_when_closed(self) else Job.execute(self, context)
 
     def prepare(self, context: bpy.types.Context) -> Work[Mockup]:
         from ...core.commands.facade import parse_corners
@@ -78,24 +76,23 @@ class BIMVERIFY_OT_facade(Job["Mockup"], bpy.types.Operator):
         from ..facade_scene import show_mockup
 
         show_mockup(context.scene, value)
-        for facade in value.facades:
-            for warning in facade.warnings:
-                self.report({"WARNING"}, warning)
+        self.warn(warning for facade in value.facades for warning in facade.warnings)
         context.scene.bim_verify_facade.summary = summary(value)
         return summary(value)
 
 
-class BIMVERIFY_OT_write_facade(Job[Written], bpy.types.Operator):
+class BIMVERIFY_OT_write_facade(FileJob[Written], bpy.types.Operator):
     """Write the mock-up that the rectangles make now."""
 
     bl_idname = "bim_verify.write_facade"
     bl_label = "Write Mock-up"
     bl_description = "Write the facade with its rectangles as they are now as an IFC4 model: moved, added and deleted ones too"
-    bl_options = {"REGISTER", "UNDO"}
+    bl_options = {"REGISTER"}
     title = "Mock-up"
 
     filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file to write")
     filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
+    check_existing: BoolProperty(default=True, options={"HIDDEN"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -106,14 +103,8 @@ class BIMVERIFY_OT_write_facade(Job[Written], bpy.types.Operator):
             return False
         return idle(cls)
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
-        def name() -> Path:
-            return Path(bpy.path.abspath("//")) / "facade_mockup.ifc"
-
-        return propose(self, context, event, name, lambda c, e: Job.invoke(self, c, e))
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        return {"CANCELLED"} if restart_when_closed(self) else Job.execute(self, context)
+    def proposed(self, context: bpy.types.Context) -> Path:
+        return project.folder(context.scene) / "facade_mockup.ifc"
 
     def prepare(self, context: bpy.types.Context) -> Work[Written]:
         from ...core.facade.mockup import write_mockup

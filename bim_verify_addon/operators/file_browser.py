@@ -2,53 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import bpy
 
 from .. import project
-from ..jobs import start_soon
+from ..jobs import Job, start_soon
 from ..session import SESSION
 
-
-def ask_or_start(
-    operator: bpy.types.Operator, context: bpy.types.Context, event: bpy.types.Event | None,
-    start: Callable[[bpy.types.Context, bpy.types.Event | None], set[str]],
-) -> set[str]:  # fmt: skip
-    """``invoke`` of a file operator: open the browser, or start at once when the file is named already."""
-    if operator.properties.is_property_set("filepath") or bpy.app.background or context.window is None:
-        return start(context, event)
-    return _open_browser(operator, context)
+T = TypeVar("T")
 
 
-def propose(
-    operator: bpy.types.Operator, context: bpy.types.Context, event: bpy.types.Event | None, name: Callable[[], Path],
-    start: Callable[[bpy.types.Context, bpy.types.Event | None], set[str]],
-) -> set[str]:  # fmt: skip
-    """``ask_or_start`` of an operator that writes a file: the browser opens with a ``name`` where none was given."""
-    if not operator.properties.is_property_set("filepath"):
-        operator.filepath = str(name())
-        if not bpy.app.background and context.window is not None:
-            return _open_browser(operator, context)
-    return ask_or_start(operator, context, event, start)
+class FileJob(Job[T]):
+    """A job on a file: the browser asks for its name where none was given, and the job starts when it has closed.
 
-
-def _open_browser(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str]:
-    operator.asked = True
-    context.window_manager.fileselect_add(operator)
-    return {"RUNNING_MODAL"}
-
-
-def restart_when_closed(operator: bpy.types.Operator) -> bool:
-    """In ``execute``: True when the browser has just answered, and the operator was started anew with that answer.
-
-    The browser calls ``execute``, where no modal job may start; so the same operator is invoked from a timer.
+    The browser calls ``execute``, where no modal job may start; so the same operator is invoked from a timer, and the
+    call from the browser ends as CANCELLED: it did nothing that could be undone.
     """
-    if not getattr(operator, "asked", False):
+
+    def proposed(self, context: bpy.types.Context) -> Path | None:
+        """A name for a file to write; None for a file to read."""
+        return None
+
+    def needs_no_file(self, context: bpy.types.Context) -> bool:
+        """Whether the job can start without a name."""
         return False
-    start_soon(operator)
-    return True
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
+        """Open the browser, or start at once when the file is named already."""
+        named = self.properties.is_property_set("filepath") or self.needs_no_file(context)
+        if not named and (name := self.proposed(context)) is not None:
+            self.filepath = str(name)
+        if named or bpy.app.background or context.window is None:
+            return super().invoke(context, event)
+        self.take_settings(context)
+        self.asked = True
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Do it, or start it anew when the browser has just answered."""
+        if getattr(self, "asked", False):
+            start_soon(self)
+            return {"CANCELLED"}
+        return super().execute(context)
 
 
 def idle(cls: type[bpy.types.Operator]) -> bool:

@@ -13,15 +13,15 @@ from ...core.errors import BimVerifyError
 from ...core.progress import Progress
 from .. import bonsai, paint, project, scene
 from ..capabilities import CAPABILITIES
-from ..jobs import Job, Work
+from ..jobs import Work
 from ..session import SESSION
-from .file_browser import ask_or_start, idle, restart_when_closed
+from .file_browser import FileJob, idle
 
 if TYPE_CHECKING:
     from ...core.model.elements import BuildingModel
 
 
-class BIMVERIFY_OT_import_ifc(Job["tuple[BuildingModel, NDArray[np.float64]]"], bpy.types.Operator):
+class BIMVERIFY_OT_import_ifc(FileJob["tuple[BuildingModel, NDArray[np.float64]]"], bpy.types.Operator):
     """Import an IFC model: one object an element, one collection a storey, in metres.
 
     When Bonsai holds a project, that is taken instead and no second set of objects is made.
@@ -40,13 +40,8 @@ class BIMVERIFY_OT_import_ifc(Job["tuple[BuildingModel, NDArray[np.float64]]"], 
     def poll(cls, context: bpy.types.Context) -> bool:
         return idle(cls)
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if bonsai.live_file() is not None:
-            return Job.invoke(self, context, event)
-        return ask_or_start(self, context, event, lambda c, e: Job.invoke(self, c, e))
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        return {"CANCELLED"} if restart_when_closed(self) else Job.execute(self, context)
+    def needs_no_file(self, context: bpy.types.Context) -> bool:
+        return bonsai.live_file() is not None
 
     def prepare(self, context: bpy.types.Context) -> Work[tuple[BuildingModel, NDArray[np.float64]]]:
         settings = context.scene.bim_verify

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from ...core.errors import BimVerifyError
 from ...core.progress import Progress
 from .. import project, scene
-from ..jobs import Job, Work
+from ..jobs import Work
 from ..session import SESSION
-from .file_browser import ask_or_start, idle, restart_when_closed
+from .file_browser import FileJob, idle
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Clouds:
     placement: NDArray[np.float64]
 
 
-class BIMVERIFY_OT_import_scan(Job[Clouds], bpy.types.Operator):
+class BIMVERIFY_OT_import_scan(FileJob[Clouds], bpy.types.Operator):
     """Add scan files to the campaign and show each as a thinned cloud; verification reads the whole files."""
 
     bl_idname = "bim_verify.import_scan"
@@ -57,12 +57,6 @@ class BIMVERIFY_OT_import_scan(Job[Clouds], bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return idle(cls)
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        return ask_or_start(self, context, event, lambda c, e: Job.invoke(self, c, e))
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        return {"CANCELLED"} if restart_when_closed(self) else Job.execute(self, context)
 
     def prepare(self, context: bpy.types.Context) -> Work[Clouds]:
         from ...core.scans.open import open_scans

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
-from ...core.errors import BimVerifyError
 from ...core.progress import Progress
-from .. import project, scene
+from .. import project, selection
 from ..jobs import Job, Work
 from ..properties import LOA_ITEMS
 from .file_browser import has_model, idle
@@ -31,6 +30,7 @@ class BIMVERIFY_OT_plan(Job["PlanResult"], bpy.types.Operator):
     bl_description = "Find the fewest stations that bring the elements to a level of accuracy, and mark them"
     bl_options = {"REGISTER", "UNDO"}
     title = "Plan"
+    panel_settings = ("bim_verify", "loa")
 
     loa: EnumProperty(name="Level", items=LOA_ITEMS, default="30", description="Level of accuracy to reach")
     scanner: EnumProperty(name="Scanner", items=SCANNERS, default="medium", description="Preset of the scanner")
@@ -50,14 +50,8 @@ class BIMVERIFY_OT_plan(Job["PlanResult"], bpy.types.Operator):
         from ...core.planning.options import PlanOptions
 
         settings = context.scene.bim_verify
-        if not self.properties.is_property_set("loa"):
-            self.loa = settings.loa
         common = project.options(settings)
-        chosen: tuple[str, ...] = ()
-        if self.selected:
-            chosen = tuple(i[scene.GUID_KEY] for i in context.selected_objects if scene.GUID_KEY in i)
-            if not chosen:
-                raise BimVerifyError("No element is selected; select some, or plan for all.")
+        chosen = tuple(sorted(selection.chosen(context, self.selected) or ()))
         options = PlanOptions(
             loa=int(self.loa), scanner=self.scanner, coverage=self.coverage, elements=chosen,
             scan_frame=common.scan_frame, origin=common.origin, threads=common.threads, memory_gb=common.memory_gb,
@@ -75,6 +69,5 @@ class BIMVERIFY_OT_plan(Job["PlanResult"], bpy.types.Operator):
 
         project.adopt_frame(context.scene, value.model)
         message = show_plan(context.scene, value)
-        for warning in value.warnings:
-            self.report({"WARNING"}, warning)
+        self.warn(value.warnings)
         return message

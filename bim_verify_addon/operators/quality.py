@@ -26,6 +26,7 @@ class BIMVERIFY_OT_quality(Job["tuple[QualityResult, SurveyDisplay]"], bpy.types
     bl_description = "Measure spacing, noise and coverage on every element, and colour what is missing by its cause"
     bl_options = {"REGISTER", "UNDO"}
     title = "Scan quality"
+    panel_settings = ("bim_verify", "loa")
 
     loa: EnumProperty(name="Level", items=LOA_ITEMS, default="30", description="Level that the scans should support")
     coverage: FloatProperty(
@@ -43,8 +44,6 @@ class BIMVERIFY_OT_quality(Job["tuple[QualityResult, SurveyDisplay]"], bpy.types
         from ..survey_scene import make_survey_display
 
         settings = context.scene.bim_verify
-        if not self.properties.is_property_set("loa"):
-            self.loa = settings.loa
         common = project.options(settings)
         options = QualityOptions(
             loa=int(self.loa), target_coverage=self.coverage, scan_frame=common.scan_frame, origin=common.origin,
@@ -71,6 +70,5 @@ class BIMVERIFY_OT_quality(Job["tuple[QualityResult, SurveyDisplay]"], bpy.types
         project.adopt_frame(context.scene, result.model)
         message = show_quality(context.scene, result, display)
         scene.show_colors_in_views()
-        for warning in result.warnings:
-            self.report({"WARNING"}, warning)
+        self.warn(result.warnings)
         return message

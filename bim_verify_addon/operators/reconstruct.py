@@ -16,8 +16,8 @@ from ...core.files import whole_file
 from ...core.options import ReconstructOptions
 from ...core.progress import Progress
 from .. import bonsai, project
-from ..jobs import Job, Work
-from .file_browser import has_scans, idle, propose, restart_when_closed
+from ..jobs import Work
+from .file_browser import FileJob, has_scans, idle
 from .import_ifc import adopt_model
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class Made:
     """(4, 4) of the scans in the frame of that model."""
 
 
-class BIMVERIFY_OT_reconstruct(Job[Made], bpy.types.Operator):
+class BIMVERIFY_OT_reconstruct(FileJob[Made], bpy.types.Operator):
     """Make an IFC model of what was scanned from inside: storeys, rooms, walls, openings, columns, slabs."""
 
     bl_idname = "bim_verify.reconstruct"
@@ -58,15 +58,9 @@ class BIMVERIFY_OT_reconstruct(Job[Made], bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         return has_scans(cls, context) and idle(cls)
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        def name() -> Path:
-            first = Path(project.scan_paths(context.scene.bim_verify)[0])
-            return first.with_name(f"{first.stem}_reconstructed.ifc")
-
-        return propose(self, context, event, name, lambda c, e: Job.invoke(self, c, e))
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        return {"CANCELLED"} if restart_when_closed(self) else Job.execute(self, context)
+    def proposed(self, context: bpy.types.Context) -> Path:
+        first = Path(project.scan_paths(context.scene.bim_verify)[0])
+        return first.with_name(f"{first.stem}_reconstructed.ifc")
 
     def prepare(self, context: bpy.types.Context) -> Work[Made]:
         from ...core import jobs

@@ -12,8 +12,8 @@ from ...core.errors import BimVerifyError
 from ...core.files import all_or_none
 from ...core.progress import Progress
 from .. import project
-from ..jobs import Job, Work
-from .file_browser import has_result, idle, propose, restart_when_closed
+from ..jobs import Work
+from .file_browser import FileJob, has_result, idle
 
 if TYPE_CHECKING:
     from ...core.results import VerificationResult
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Write = Callable[["VerificationResult", Path, Progress], str]
 
 
-class ResultFile(Job[str]):
+class ResultFile(FileJob[str]):
     """Mixed into an operator with ``filepath``; the operator gives ``ending``, ``suffixes`` and ``writer``."""
 
     ending: ClassVar[str] = ""
@@ -37,15 +37,9 @@ class ResultFile(Job[str]):
         """Read what is needed (main thread) and return what writes; it gives one sentence for the status bar."""
         raise NotImplementedError
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        def name() -> Path:
-            source = Path(project.result(context.scene).model.path)
-            return source.with_name(f"{source.stem}{self.ending}")
-
-        return propose(self, context, event, name, lambda c, e: Job.invoke(self, c, e))
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        return {"CANCELLED"} if restart_when_closed(self) else Job.execute(self, context)
+    def proposed(self, context: bpy.types.Context) -> Path:
+        source = Path(project.result(context.scene).model.path)
+        return source.with_name(f"{source.stem}{self.ending}")
 
     def prepare(self, context: bpy.types.Context) -> Work[str]:
         if not self.filepath:

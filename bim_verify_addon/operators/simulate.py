@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
-from bpy.props import EnumProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from ...core.errors import BimVerifyError
 from ...core.progress import Progress
-from .. import frame
-from ..jobs import Job, Work
-from .file_browser import ask_or_start, idle, restart_when_closed
+from .. import frame, project
+from ..jobs import Work
+from .file_browser import FileJob, idle
 from .plan import SCANNERS
 
 if TYPE_CHECKING:
     from ...core.simulation.scan_scene import WrittenScan
 
 
-class BIMVERIFY_OT_simulate(Job["WrittenScan"], bpy.types.Operator):
+class BIMVERIFY_OT_simulate(FileJob["WrittenScan"], bpy.types.Operator):
     """Scan all visible meshes of the scene and write an E57 file with the truth of every return."""
 
     bl_idname = "bim_verify.simulate"
@@ -28,8 +29,9 @@ class BIMVERIFY_OT_simulate(Job["WrittenScan"], bpy.types.Operator):
     bl_options = {"REGISTER"}
     title = "Simulate"
 
-    filepath: StringProperty(subtype="FILE_PATH", description="E57 file to write")
+    filepath: StringProperty(name="File", subtype="FILE_PATH", description="The E57 file to write")
     filter_glob: StringProperty(default="*.e57", options={"HIDDEN"})
+    check_existing: BoolProperty(default=True, options={"HIDDEN"})
     scanner: EnumProperty(name="Scanner", items=SCANNERS[:3], default="fast", description="Preset of the scanner")
     seed: IntProperty(name="Seed", default=0, description="Of the noise")
 
@@ -37,11 +39,8 @@ class BIMVERIFY_OT_simulate(Job["WrittenScan"], bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         return idle(cls)
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
-        return ask_or_start(self, context, event, lambda c, e: Job.invoke(self, c, e))
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        return {"FINISHED"} if restart_when_closed(self) else Job.execute(self, context)
+    def proposed(self, context: bpy.types.Context) -> Path:
+        return project.folder(context.scene) / "simulated.e57"
 
     def prepare(self, context: bpy.types.Context) -> Work[WrittenScan]:
         from ...core.simulation.scan_scene import SceneStation, scan_scene
@@ -52,6 +51,9 @@ class BIMVERIFY_OT_simulate(Job["WrittenScan"], bpy.types.Operator):
 
         if not self.filepath:
             raise BimVerifyError("Name the E57 file to write.")
+        path = bpy.path.abspath(self.filepath)
+        if Path(path).resolve() in {Path(scan).resolve() for scan in project.scan_paths(context.scene.bim_verify)}:
+            raise BimVerifyError(f"{path} is an input, which is never written to. Give another name.")
         place = frame.stored(context.scene) or frame.ViewFrame()
         corners, owner, names = [], [], []
         depsgraph = context.evaluated_depsgraph_get()
@@ -81,7 +83,7 @@ class BIMVERIFY_OT_simulate(Job["WrittenScan"], bpy.types.Operator):
         whole = np.concatenate(corners)
         origin = np.round(np.median(whole.reshape(-1, 3), axis=0))
         target = Scene(whole - origin, np.concatenate(owner), names)
-        scanner, path, seed = PRESETS[self.scanner], bpy.path.abspath(self.filepath), self.seed
+        scanner, seed = PRESETS[self.scanner], self.seed
 
         def work(progress: Progress) -> WrittenScan:
             setups = [SceneStation(name, position - origin) for name, position in stations]

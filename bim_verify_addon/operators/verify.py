@@ -10,7 +10,6 @@ import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 from numpy.typing import NDArray
 
-from ...core.errors import BimVerifyError
 from ...core.progress import Progress
 from .. import bonsai, paint, project, scene, selection, verdicts
 from ..jobs import Job, Work
@@ -31,6 +30,7 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
     bl_description = "Decide for every element whether the scans confirm it, contradict it, or never saw it"
     bl_options = {"REGISTER", "UNDO"}
     title = "Verify"
+    panel_settings = ("bim_verify", "loa", "sigma_mm", "align", "selected_only")
 
     loa: EnumProperty(
         name="Level", items=LOA_ITEMS, default=str(DEFAULTS.loa), description="Level of accuracy that is required"
@@ -64,13 +64,8 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
         from ...core.model.decisions import decisions_in, read_decisions
 
         settings = context.scene.bim_verify
-        for name in ("loa", "sigma_mm", "align", "selected_only"):
-            if not self.properties.is_property_set(name):
-                setattr(self, name, getattr(settings, name))
         options = replace(project.options(settings), loa=int(self.loa), sigma=self.sigma_mm / 1000, align=self.align)
-        only = selection.global_ids(context) if self.selected_only else None
-        if only is not None and not only:
-            raise BimVerifyError("No element is selected. Select some, or turn off 'Selected elements only'.")
+        only = selection.chosen(context, self.selected_only)
         self.earlier = earlier = project.result(context.scene)
         self.only = only
         load, paths = project.model_loader(context.scene), project.scan_paths(settings)
@@ -113,6 +108,5 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
         scene.move_scans(context.scene, placement)
         scene.show_planned(context, False)
         scene.show_colors_in_views()
-        for warning in result.warnings:
-            self.report({"WARNING"}, warning)
+        self.warn(result.warnings)
         return settings.result_summary

@@ -9,6 +9,7 @@ import ifcopenshell
 import ifcopenshell.util.element
 import pytest
 
+from ..core.templates import check_templates
 from .test_cli import data, left, place, run, says_one_sentence  # noqa: F401
 
 PROPERTIES = {
@@ -29,6 +30,7 @@ def test_change_writes_everything_that_was_asked_for(data: Path, place: Path) ->
         assert (place / name).stat().st_size > 300
     found = json.loads((place / "change.json").read_text())
     model = ifcopenshell.open(str(place / "changed.ifc"))
+    check_templates(model, "BimVerify_Change")
     for guid, change in zip(found["elements"], found["changes"], strict=True):
         properties = ifcopenshell.util.element.get_psets(model.by_guid(guid))["BimVerify_Change"]
         assert set(properties) >= PROPERTIES

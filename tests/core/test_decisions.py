@@ -18,6 +18,7 @@ from bim_verify.core.progress import Progress
 from bim_verify.core.results import Decision
 
 from .factory import make_ifc, small_result
+from .templates import check_templates
 
 WORD = Decision("CONFIRMED", "Behind the <shelf> & ' seen on site", "Ä. Modeller", "2026-01-02", "ABSENT")
 
@@ -32,6 +33,8 @@ def test_a_decision_survives_a_re_run(tmp_path: Path, schema: str) -> None:
     psets = ifcopenshell.util.element.get_psets(file.by_guid(absent.global_id))
     assert psets["BimVerify_Verification"]["Status"] == "ABSENT"
     assert psets["BimVerify_Decision"]["Status"] == "CONFIRMED"
+    for name in ("BimVerify_Verification", "BimVerify_Decision"):
+        check_templates(file, name)
 
     again = earlier_decisions(str(house), str(out), None)
     assert still_there(again, result) == {absent.global_id: WORD}

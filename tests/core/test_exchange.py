@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from bcf.bcfxml import load
 from ifctester import ids
 from PIL import Image
 
+import bim_verify
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.exchange.bcf import write_bcf
 from bim_verify.core.exchange.findings import findings
@@ -24,7 +26,8 @@ from bim_verify.core.exchange.viewpoint import finding_camera
 from bim_verify.core.exchange.xlsx import write_xlsx
 from bim_verify.core.model.elements import BuildingModel
 from bim_verify.core.model.load import load_model
-from bim_verify.core.model.pset_templates import TEMPLATES, write_templates
+from bim_verify.core.model.pset_definitions import TEMPLATES
+from bim_verify.core.model.pset_templates import write_templates
 from bim_verify.core.model.raycast import RayScene
 from bim_verify.core.model.sample_surface import sample_surface
 from bim_verify.core.model.samples import SurfaceSamples
@@ -211,5 +214,17 @@ def test_templates_describe_every_property_that_is_written(result: VerificationR
     described = {p.Name: p.PrimaryMeasureType for p in found["BimVerify_Verification"].HasPropertyTemplates}
     assert described == written
     assert all(p.Description for t in found.values() for p in t.HasPropertyTemplates)
+    lengths = [p for t in found.values() for p in t.HasPropertyTemplates if p.PrimaryMeasureType == "IfcLengthMeasure"]
+    assert all("unit of length" in p.Description for p in lengths)
+
+
+def test_every_set_of_the_code_has_a_template() -> None:
+    """What each command writes is held against its template where that command is tested (``check_templates``)."""
+    core = Path(bim_verify.__file__).parent / "core"
+    named = {name for path in core.rglob("*.py") for name in re.findall(r'"(BimVerify_[A-Za-z]+)"', path.read_text("utf-8"))}
+    assert named == set(TEMPLATES)
+
+
+def test_templates_cannot_be_written_as_ifc2x3(tmp_path: Path) -> None:
     with pytest.raises(BimVerifyError, match="IFC2X3"):
         write_templates(tmp_path / "old.ifc", schema="IFC2X3")

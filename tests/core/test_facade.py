@@ -22,6 +22,7 @@ from bim_verify.core.jobs.facade import FacadeOptions, facade, read_color
 from bim_verify.core.reconstruction.shapes import read_shapes
 
 from .facade_data import Photo, photo_of
+from .templates import check_templates
 
 
 def read(photo: Photo, **known: float) -> Facade:
@@ -157,6 +158,7 @@ def test_the_mockup_is_a_valid_building_of_typed_openings(tmp_path: Path) -> Non
         p.Name: p.NominalValue.wrappedValue for d in wall.IsDefinedBy
         if d.RelatingPropertyDefinition.Name == "BimVerify_Facade" for p in d.RelatingPropertyDefinition.HasProperties
     }  # fmt: skip
+    check_templates(file, "BimVerify_Facade")
     assert values["ScaleSource"] == "WIDTH"
     assert values["ScaleSigma"] == pytest.approx(0.002)
 

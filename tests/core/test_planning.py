@@ -29,6 +29,8 @@ from bim_verify.core.simulation.scanner import PRESETS, scan_station
 from bim_verify.core.simulation.scene import build_scene
 from bim_verify.core.simulation.stations_file import read_stations
 
+from .templates import check_templates
+
 ROOM = [
     box("floor", (-0.2, -0.2, -0.2), (6.2, 5.2, 0.0)), box("ceiling", (-0.2, -0.2, 2.8), (6.2, 5.2, 3.0)),
     box("south", (0.0, -0.2, 0.0), (6.0, 0.0, 2.8)), box("north", (0.0, 5.0, 0.0), (6.0, 5.2, 2.8)),
@@ -150,6 +152,7 @@ def test_files_of_a_plan(tmp_path: Path) -> None:
     file = ifcopenshell.open(str(tmp_path / "plan.ifc"))
     marks = [a for a in file.by_type("IfcAnnotation") if a.ObjectType == OBJECT_TYPE]
     assert len(marks) == len(result.stations)
+    check_templates(file, "BimVerify_Station")
     place = marks[0].ObjectPlacement.RelativePlacement.Location.Coordinates
     assert np.array(place) * result.model.length_unit_m == pytest.approx(result.stations[0].position)
     page = write_plan_report(tmp_path / "report", result).read_text(encoding="utf-8")

@@ -32,6 +32,8 @@ from bim_verify.core.simulation.campaign import Campaign, set_up
 from bim_verify.core.simulation.scanner import PRESETS, Scanner, scan_station
 from bim_verify.core.simulation.scene import Edit, Prop
 
+from .templates import check_templates
+
 STEP = math.radians(0.5)
 SCANNER = dataclasses.replace(PRESETS["medium"], angular_step=STEP, sigma_range=0.002, sigma_signal=0.0, sigma_angle=0.0)
 OPTIONS = QualityOptions(sample_spacing=0.1, cache=False)
@@ -259,6 +261,7 @@ def test_property_sets_in_the_units_of_the_file(tmp_path: Path) -> None:
     file = ifcopenshell.open(str(tmp_path / "out.ifc"))
     told = element(result, "Kitchen wall")
     sets = ifcopenshell.util.element.get_psets(file.by_guid(told.global_id))
+    check_templates(file, PSET_NAME)
     written = sets[PSET_NAME]
     assert {
         "PointSpacing", "Noise", "Coverage", "OccludedRatio", "IncidenceP95", "PredictedError", "GsaLevel", "CorrectiveAction"

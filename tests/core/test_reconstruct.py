@@ -20,6 +20,8 @@ from bim_verify.core.simulation.scanner import PRESETS
 from bim_verify.core.simulation.storey_plans import flat
 from bim_verify.core.simulation.storeys import write_building
 
+from .templates import check_templates
+
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
@@ -55,6 +57,7 @@ def test_the_file_is_valid_and_says_where_each_thickness_comes_from(built: tuple
     ifcopenshell.validate.validate(file, logger)
     assert not logger.statements
     sets = [ifcopenshell.util.element.get_psets(wall)["BimVerify_Reconstruction"] for wall in file.by_type("IfcWall")]
+    check_templates(file, "BimVerify_Reconstruction")
     sources = {properties["ThicknessSource"] for properties in sets}
     assert sources == {"MEASURED", "REVEAL", "ASSUMED"}
 

@@ -30,6 +30,7 @@ from bim_verify.core.simulation.scene import Edit
 from bim_verify.core.update.update import FOLLOWS, KEPT, OWN, PSET_NAME, undo_file, update_file
 
 from .model_files import SCHEMAS, UNITS_M, ModelFile, at
+from .templates import check_templates
 
 SHIFT = np.array([0.03, -0.02, 0.01])
 
@@ -96,6 +97,7 @@ def test_a_wall_takes_its_opening_and_door_along_and_leaves_the_rest(schema: str
         expected = before[name].copy()
         expected[:3, 3] += SHIFT if name in ("partition", "opening", "door") else 0.0
         np.testing.assert_allclose(world(product, unit), expected, atol=1e-9)
+    check_templates(made.file, PSET_NAME)
     record = ifcopenshell.util.element.get_psets(things["partition"])[PSET_NAME]
     assert record["MovedX"] * UNITS_M[unit] == pytest.approx(SHIFT[0])
     assert len(undo_file(made.file).updates) >= 2

@@ -28,6 +28,7 @@ from bim_verify.core.wall_displacement.result import Column, DisplacementResult,
 from bim_verify.core.wall_displacement.tables import column_moved
 
 from .model_files import ModelFile, at
+from .templates import check_templates
 
 DESIGN = WallDesign()
 POSITION = (1.0, 6.0, 1.75)
@@ -282,6 +283,7 @@ def test_the_wall_in_the_model_gets_a_property_set_in_the_files_units(
     assert main(["displacement", *paths, "--out", str(out), *wanted, "--quiet"]) == 0
     file = ifcopenshell.open(str(ifc))
     pset = ifcopenshell.util.element.get_psets(file.by_guid(guid))["BimVerify_Displacement"]
+    check_templates(file, "BimVerify_Displacement")
     assert pset["VerticalMean"] == pytest.approx(-20.0, abs=2.0)
     assert pset["LateralMean"] == pytest.approx(10.0, abs=1.0)
     assert pset["Significant"] is True

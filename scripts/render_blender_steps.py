@@ -1,0 +1,231 @@
+"""The pictures of docs/blender.md of the optional steps: each panel before and after its work, in a real Blender window.
+
+    blender --factory-startup --window-geometry 0 0 1600 1000 --python scripts/render_blender_steps.py -- [--out docs/images]
+
+``--inputs DIR`` keeps the made-up models, scans and photos there and takes those that it holds; ``--only NAME...`` runs
+some of the steps. Needs a window that fills the screen (a virtual one will do). Blender ends when the last picture is there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Euler
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from blender_window import TO_DRAW_S, choose_tab, in_view, open_only, run, scroll_to_top, shoot, tidy, until_idle, view
+from make_wall_example import write_scans
+from PIL import Image
+
+from bim_verify.bim_verify_addon import scene
+from bim_verify.core.imagery.camera import Interior
+from bim_verify.core.imagery.cameras_file import camera_to_plain
+from bim_verify.core.model.load import load_model
+from bim_verify.core.simulation.demo import make_demo, make_later_epoch
+from bim_verify.core.simulation.facade_photo import paint_facade, street_camera, truth_of
+from bim_verify.core.simulation.facade_plan import facade_plan
+from bim_verify.core.simulation.photo import photograph, view_points
+
+LENS = Interior(1200, 900, 900.0, 900.0, 600.0, 448.0, (-0.08, 0.02, 0.0, 0.0, 0.0))
+FACADE_SEED, PHOTO_SEED = 1, 3
+FROM_SOUTH_WEST = (62.0, -38.0)
+"""Degrees: how far the view is raised from straight down, and its turn about the vertical."""
+FROM_SOUTH = (82.0, -12.0)
+
+
+def change(inputs: Path, out: Path) -> Iterator[float]:
+    """Two epochs of the demo house."""
+    yield from house(inputs, scan=inputs / "scan_later.e57")
+    settings = bpy.context.scene.bim_verify_change
+    settings.voxel_mm, settings.reference = 30, str(inputs / "scan.e57")
+    yield from do("change")
+    bpy.context.scene.bim_verify.color_mode = "CHANGE"
+    hide_scans()
+    yield from picture("change", out)
+
+
+def quality(inputs: Path, out: Path) -> Iterator[float]:
+    """What is missing and why, with the stations."""
+    yield from house(inputs)
+    yield from do("quality")
+    hide_scans()
+    yield from picture("quality", out)
+    yield from do("plan", loa="20", scanner="fast", coverage=0.6)
+    yield from picture("quality", out, "blender_plan")
+
+
+def reconstruct(inputs: Path, out: Path) -> Iterator[float]:
+    """A model of the scans alone."""
+    yield from do("import_scan", filepath=str(inputs / "scan.e57"))
+    yield from do("reconstruct", filepath=str(inputs / "reconstructed.ifc"))
+    hide_scans()
+    yield from picture("reconstruct", out)
+
+
+def displacement(inputs: Path, out: Path) -> Iterator[float]:
+    """The wall of docs/displacement.md."""
+    settings = bpy.context.scene.bim_verify_displacement
+    settings.base, settings.later = str(inputs / "base.e57"), str(inputs / "later.e57")
+    yield from do("displacement")
+    items = [item for item in bpy.context.scene.objects if item.name.startswith("Wall column")]
+    frame(items, FROM_SOUTH)
+    bpy.context.view_layer.objects.active = items[1]
+    yield from picture("displacement", out, frame_first=False)
+
+
+def classify(inputs: Path, out: Path) -> Iterator[float]:
+    """Every return to its element."""
+    yield from house(inputs)
+    yield from do("classify", filepath=str(inputs / "classified.e57"))
+    yield from picture("classify", out)
+
+
+def facade(inputs: Path, out: Path) -> Iterator[float]:
+    """Windows and doors of a painted photo."""
+    truth = json.loads((inputs / "facade.json").read_text())
+    settings = bpy.context.scene.bim_verify_facade
+    settings.corners = ",".join(f"{v:.1f}" for corner in truth["corners_px"] for v in corner)
+    settings.width = truth["width_m"]
+    yield from do("facade", filepath=str(inputs / "facade.png"))
+    items = list(bpy.context.scene.objects)
+    frame(items, FROM_SOUTH)
+    view().spaces.active.shading.type = "MATERIAL"
+    chosen = next(item for item in items if item.get("kind") == "window")
+    bpy.context.view_layer.objects.active = chosen
+    chosen.select_set(True)
+    yield from picture("facade", out, frame_first=False)
+
+
+def photos(inputs: Path, out: Path) -> Iterator[float]:
+    """Photos placed on the model."""
+    yield from do("import_ifc", filepath=str(inputs / "house.ifc"))
+    yield from do("coregister", filepath=str(inputs / "cameras.json"))
+    with in_view():
+        camera = bpy.context.scene.camera
+        bpy.context.view_layer.objects.active = camera
+        bpy.ops.view3d.view_camera()
+    view().spaces.active.shading.type = "WIREFRAME"
+    yield from picture("photos", out, frame_first=False)
+
+
+STEPS = {f.__name__: f for f in (change, quality, reconstruct, displacement, classify, facade, photos)}
+
+
+def house(inputs: Path, scan: Path | None = None) -> Iterator[float]:
+    """The demo house with a scan."""
+    yield from do("import_ifc", filepath=str(inputs / "house.ifc"))
+    settings = bpy.context.scene.bim_verify
+    settings.display_points, settings.point_size_mm = 50_000, 50
+    settings.spacing_mm, settings.display_vertices = 100, 250_000
+    yield from do("import_scan", filepath=str(scan or inputs / "scan.e57"))
+
+
+def do(operator: str, **values: Any) -> Iterator[float]:
+    """Start an operator as its button does, and wait."""
+    with in_view():
+        getattr(bpy.ops.bim_verify, operator)("INVOKE_DEFAULT", **values)
+    yield from until_idle()
+
+
+def picture(step: str, out: Path, name: str = "", *, frame_first: bool = True) -> Iterator[float]:
+    """The view with the panel of one step open."""
+    open_only(step)
+    if frame_first:
+        frame(
+            [i for i in scene.element_objects(bpy.context.scene).values() if i.bim_verify.ifc_class != "IfcGeographicElement"]
+        )
+    yield TO_DRAW_S
+    scroll_to_top()
+    yield TO_DRAW_S
+    shoot(out / f"{name or f'blender_{step}'}.png")
+
+
+def hide_scans() -> None:
+    for item in scene.scan_objects(bpy.context.scene):
+        item.hide_set(True)
+
+
+def frame(items: list[bpy.types.Object], angles: tuple[float, float] = FROM_SOUTH_WEST) -> None:
+    """Look at these."""
+    for item in scene.element_objects(bpy.context.scene).values():
+        if item.bim_verify.ifc_class == "IfcGeographicElement":
+            item.hide_set(True)
+    with in_view():
+        bpy.ops.object.select_all(action="DESELECT")
+        for item in items:
+            item.select_set(item.visible_get())
+        bpy.ops.view3d.view_selected()
+        bpy.ops.object.select_all(action="DESELECT")
+    region = view().spaces.active.region_3d
+    region.view_rotation = Euler((math.radians(angles[0]), 0, math.radians(angles[1]))).to_quaternion()
+    region.view_distance *= 0.85
+
+
+def make_inputs(folder: Path) -> None:
+    """What is not there yet."""
+    folder.mkdir(parents=True, exist_ok=True)
+    if not (folder / "scan.e57").exists():
+        make_demo(folder)
+    if not (folder / "scan_later.e57").exists():
+        make_later_epoch(folder)
+    if not (folder / "later.e57").exists():
+        write_scans(folder)
+    if not (folder / "facade.json").exists():
+        plan = facade_plan(FACADE_SEED)
+        camera = street_camera(plan, 1200, np.random.default_rng((FACADE_SEED, 32)))
+        Image.fromarray(paint_facade(plan, camera)).save(folder / "facade.png")
+        truth = {**truth_of(plan, camera), "width_m": plan.width}
+        (folder / "facade.json").write_text(json.dumps({k: truth[k] for k in ("corners_px", "width_m")}))
+    if not (folder / "cameras.json").exists():
+        model = load_model(folder / "house.ifc")
+        cameras = view_points(model, LENS, 3, np.random.default_rng(PHOTO_SEED))
+        for camera in cameras:
+            Image.fromarray(photograph(model, camera)).save(folder / camera.name)
+        rng = np.random.default_rng(PHOTO_SEED)
+        coarse = [c.moved(rng.normal(0, math.radians(0.5), 3), rng.normal(0, 0.08, 3)) for c in cameras]
+        (folder / "cameras.json").write_text(json.dumps({"cameras": [camera_to_plain(c) for c in coarse]}))
+
+
+def story(inputs: Path, out: Path, names: list[str]) -> Iterator[float]:
+    """The steps, each in a scene of its own; yields seconds to wait before the next."""
+    make_inputs(inputs)
+    for name in names:
+        bpy.ops.scene.new(type="EMPTY")
+        tidy()
+        yield TO_DRAW_S
+        choose_tab()
+        yield TO_DRAW_S
+        open_only(name)
+        yield TO_DRAW_S
+        scroll_to_top()
+        yield TO_DRAW_S
+        shoot(out / f"empty_{name}.png")
+        yield from STEPS[name](inputs, out)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path(__file__).resolve().parent.parent / "docs" / "images")
+    parser.add_argument("--inputs", type=Path)
+    parser.add_argument("--only", nargs="+", choices=list(STEPS), default=list(STEPS))
+    arguments = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [])
+    arguments.out.mkdir(parents=True, exist_ok=True)
+
+    def steps() -> Iterator[float]:
+        with tempfile.TemporaryDirectory(prefix="bim_verify_docs_") as folder:
+            yield from story((arguments.inputs or Path(folder)).resolve(), arguments.out.resolve(), arguments.only)
+
+    run(steps())
+
+
+main()
