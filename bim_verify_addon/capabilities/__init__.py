@@ -19,6 +19,7 @@ NAMES = (
     "classify",
     "facade",
     "photos",
+    "update",
     "export",
 )
 

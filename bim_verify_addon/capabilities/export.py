@@ -23,7 +23,6 @@ def _state(scene: bpy.types.Scene) -> StepState:
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     main_button(layout, "export_ifc", "EXPORT")
     column = layout.column(align=True)
-    column.operator("bim_verify.update_model", icon="MOD_ARRAY")
     column.operator("bim_verify.export_bcf", icon="BOOKMARKS")
     column.operator("bim_verify.report", icon="TEXT")
     column.operator("bim_verify.export_table", icon="SPREADSHEET")

@@ -36,6 +36,10 @@ class BIMVERIFY_OT_update_model(ResultFile, bpy.types.Operator):
     filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
     check_existing: BoolProperty(default=True, options={"HIDDEN"})
 
+    def finish(self, context: bpy.types.Context, value: str) -> str:
+        context.scene.bim_verify_update.summary = f"Written: {value}"
+        return super().finish(context, value)
+
     def writer(self, context: bpy.types.Context) -> Write:
         from ...core.model.decisions import apply_decisions
         from ...core.model.write_psets import apply_psets, write_ifc_copy

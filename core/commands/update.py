@@ -14,7 +14,7 @@ from .table import COMMON, Argument, Command, Outcome, Values
 
 def _update(values: Values, progress: Progress) -> Outcome:
     from ..model.load import open_ifc
-    from ..update.update import undo_file, update_file, update_lines
+    from ..update.update import UpdatedFile, undo_file, update_file, update_lines
 
     if Path(values["out"]).suffix.lower() != ".ifc":
         raise BimVerifyError(f"--out {values['out']} must end with .ifc.")
@@ -30,7 +30,7 @@ def _update(values: Values, progress: Progress) -> Outcome:
             write_open_file(file, temporary, values["out"])
 
     data = {"undo": values["undo"], "updates": [asdict(u) for u in result.updates], "notes": list(result.notes)}
-    return Outcome([*update_lines(result, values["undo"]), f"Model: {values['out']}"], data, result, write)
+    return Outcome([*update_lines(result, values["undo"]), f"Model: {values['out']}"], data, UpdatedFile(result, file), write)
 
 
 COMMAND = Command(
@@ -40,7 +40,7 @@ COMMAND = Command(
         Argument("MODEL", "verified IFC file (bim-verify verify ... --out)", required=True),
         Argument("--out", "IFC file to write", required=True),
         Argument("--undo", "put back what an earlier update moved", flag=True),
-        *(argument for argument in COMMON if argument.name in ("--json", "--quiet")),
+        *(argument for argument in COMMON if argument.name in ("--json", "--blend", "--quiet")),
     ),
     _update,
 )

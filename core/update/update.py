@@ -49,6 +49,14 @@ class UpdateResult:
         return sum(u.kind == kind for u in self.updates)
 
 
+@dataclass(frozen=True)
+class UpdatedFile:
+    """What ``--blend`` shows: what was moved, and the open file after it."""
+
+    result: UpdateResult
+    file: Any
+
+
 def update_file(file: Any) -> UpdateResult:
     """Move the elements of an open ``ifcopenshell.file`` that are DEVIATING with a significant displacement.
 

@@ -13,11 +13,14 @@ import numpy as np
 import pye57
 import pytest
 
-from bim_verify.bim_verify_addon import scene
+from bim_verify.bim_verify_addon import scene, update_scene
 from bim_verify.bim_verify_addon.headless import save_blend
 from bim_verify.bim_verify_addon.session import SESSION
+from bim_verify.cli import main
 from bim_verify.core import jobs
 from bim_verify.core.model.elements import BuildingModel
+from bim_verify.core.model.property_sets import ElementProperties, put_property_sets
+from bim_verify.core.model.write_psets import PSET_NAME as VERIFICATION
 from bim_verify.core.options import ClassifyOptions
 
 ops = bpy.ops.bim_verify
@@ -79,3 +82,24 @@ def test_the_updated_model_is_written(
     )
     np.testing.assert_allclose(after["North"] - before["North"], [0.0, 50.0, 0.0], atol=1e-9)
     np.testing.assert_array_equal(after["South"], before["South"])
+
+
+def test_a_blend_file_shows_what_an_update_moved(house: Path, tmp_path: Path) -> None:
+    file = ifcopenshell.open(str(house))
+    wall = next(w for w in file.by_type("IfcWall") if w.Name == "North")
+    values = {
+        "Status": ("IfcLabel", "DEVIATING"), "Significant": ("IfcBoolean", True), "DisplacementX": ("IfcLengthMeasure", 0.0),
+        "DisplacementY": ("IfcLengthMeasure", 0.05), "DisplacementZ": ("IfcLengthMeasure", 0.0),
+    }  # fmt: skip
+    put_property_sets(file, VERIFICATION, [ElementProperties(wall.GlobalId, wall.id(), values)])
+    file.write(str(tmp_path / "verified.ifc"))
+    blend = tmp_path / "moved.blend"
+    arguments = ["update", str(tmp_path / "verified.ifc"), "--out", str(tmp_path / "o.ifc"), "--blend", str(blend), "--quiet"]
+    assert main(arguments) == 0
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    items = scene.element_objects(bpy.context.scene)
+    moved = items[wall.GlobalId]
+    before = next(i for i in bpy.context.scene.objects if i.get(update_scene.PLANNED_KEY) == wall.GlobalId)
+    np.testing.assert_allclose(moved.matrix_world.translation - before.matrix_world.translation, [0, 0.05, 0], atol=1e-5)
+    assert before.display_type == "WIRE"
+    assert moved[update_scene.KIND_KEY] == "MOVED" and scene.COLOR in moved.data.attributes
