@@ -65,6 +65,8 @@ def tidy() -> None:
     space.overlay.show_floor = space.overlay.show_axis_x = space.overlay.show_axis_y = False
     space.overlay.show_cursor = False
     space.shading.show_object_outline = False
+    space.shading.type = "SOLID"
+    space.region_3d.view_perspective = "PERSP"
     bpy.context.scene.bim_verify.show_hover = False  # wherever the mouse happens to be
 
 

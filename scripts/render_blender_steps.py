@@ -28,19 +28,24 @@ from make_wall_example import write_scans
 from PIL import Image
 
 from bim_verify.bim_verify_addon import scene
-from bim_verify.core.imagery.camera import Interior
+from bim_verify.core.imagery.camera import Camera, Interior
 from bim_verify.core.imagery.cameras_file import camera_to_plain
+from bim_verify.core.jobs import verify
 from bim_verify.core.model.load import load_model
+from bim_verify.core.model.write_psets import write_verified_ifc
+from bim_verify.core.options import VerifyOptions
 from bim_verify.core.simulation.demo import make_demo, make_later_epoch
 from bim_verify.core.simulation.facade_photo import paint_facade, street_camera, truth_of
 from bim_verify.core.simulation.facade_plan import facade_plan
-from bim_verify.core.simulation.photo import photograph, view_points
+from bim_verify.core.simulation.photo import looking, photograph
 
 LENS = Interior(1200, 900, 900.0, 900.0, 600.0, 448.0, (-0.08, 0.02, 0.0, 0.0, 0.0))
 FACADE_SEED, PHOTO_SEED = 1, 3
+PHOTOS_FROM, PHOTO_DISTANCE_M, EYE_M = (-130.0, -60.0, 40.0), 14.0, 1.6
+"""Degrees about the house; metres from its middle, and over the ground."""
 FROM_SOUTH_WEST = (62.0, -38.0)
 """Degrees: how far the view is raised from straight down, and its turn about the vertical."""
-FROM_SOUTH = (82.0, -12.0)
+FROM_SOUTH, FROM_NORTH = (82.0, -12.0), (82.0, 168.0)
 
 
 def change(inputs: Path, out: Path) -> Iterator[float]:
@@ -78,16 +83,22 @@ def displacement(inputs: Path, out: Path) -> Iterator[float]:
     settings.base, settings.later = str(inputs / "base.e57"), str(inputs / "later.e57")
     yield from do("displacement")
     items = [item for item in bpy.context.scene.objects if item.name.startswith("Wall column")]
-    frame(items, FROM_SOUTH)
+    frame(items, FROM_NORTH)
     bpy.context.view_layer.objects.active = items[1]
     yield from picture("displacement", out, frame_first=False)
 
 
 def classify(inputs: Path, out: Path) -> Iterator[float]:
-    """Every return to its element."""
+    """Every return to its element; the cloud that was written, an element a scan, is shown in the colours of its scans."""
     yield from house(inputs)
     yield from do("classify", filepath=str(inputs / "classified.e57"))
-    yield from picture("classify", out)
+    hide_scans()
+    bpy.context.scene.bim_verify.display_points = 500_000
+    yield from do("import_scan", filepath=str(inputs / "classified.e57"))
+    frame(buildings())
+    for item in scene.element_objects(bpy.context.scene).values():
+        item.hide_set(True)
+    yield from picture("classify", out, frame_first=False)
 
 
 def facade(inputs: Path, out: Path) -> Iterator[float]:
@@ -118,7 +129,25 @@ def photos(inputs: Path, out: Path) -> Iterator[float]:
     yield from picture("photos", out, frame_first=False)
 
 
-STEPS = {f.__name__: f for f in (change, quality, reconstruct, displacement, classify, facade, photos)}
+def update(inputs: Path, out: Path) -> Iterator[float]:
+    """What ``bim-verify update --blend`` shows."""
+    from bim_verify.bim_verify_addon import paint
+    from bim_verify.bim_verify_addon.capabilities.update import show
+    from bim_verify.core.model.load import open_ifc
+    from bim_verify.core.update.update import UpdatedFile, update_file
+
+    file = open_ifc(inputs / "house_verified.ifc")
+    show(bpy.context.scene, UpdatedFile(update_file(file), file))
+    paint.refresh(bpy.context.scene)
+    scene.show_colors_in_views()
+    yield TO_DRAW_S
+    frame(buildings())
+    for item in scene.element_objects(bpy.context.scene).values():
+        item.hide_set("bim_verify_update" not in item)
+    yield from picture("update", out, frame_first=False)
+
+
+STEPS = {f.__name__: f for f in (change, quality, reconstruct, displacement, classify, facade, photos, update)}
 
 
 def house(inputs: Path, scan: Path | None = None) -> Iterator[float]:
@@ -141,13 +170,16 @@ def picture(step: str, out: Path, name: str = "", *, frame_first: bool = True) -
     """The view with the panel of one step open."""
     open_only(step)
     if frame_first:
-        frame(
-            [i for i in scene.element_objects(bpy.context.scene).values() if i.bim_verify.ifc_class != "IfcGeographicElement"]
-        )
+        frame(buildings())
     yield TO_DRAW_S
     scroll_to_top()
     yield TO_DRAW_S
     shoot(out / f"{name or f'blender_{step}'}.png")
+
+
+def buildings() -> list[bpy.types.Object]:
+    """All elements but the terrain."""
+    return [i for i in scene.element_objects(bpy.context.scene).values() if i.bim_verify.ifc_class != "IfcGeographicElement"]
 
 
 def hide_scans() -> None:
@@ -187,20 +219,35 @@ def make_inputs(folder: Path) -> None:
         truth = {**truth_of(plan, camera), "width_m": plan.width}
         (folder / "facade.json").write_text(json.dumps({k: truth[k] for k in ("corners_px", "width_m")}))
     if not (folder / "cameras.json").exists():
-        model = load_model(folder / "house.ifc")
-        cameras = view_points(model, LENS, 3, np.random.default_rng(PHOTO_SEED))
-        for camera in cameras:
-            Image.fromarray(photograph(model, camera)).save(folder / camera.name)
-        rng = np.random.default_rng(PHOTO_SEED)
-        coarse = [c.moved(rng.normal(0, math.radians(0.5), 3), rng.normal(0, 0.08, 3)) for c in cameras]
-        (folder / "cameras.json").write_text(json.dumps({"cameras": [camera_to_plain(c) for c in coarse]}))
+        make_photos(folder)
+    if not (folder / "house_verified.ifc").exists():
+        result = verify(folder / "house.ifc", [folder / "scan.e57"], VerifyOptions(sample_spacing=0.1))
+        write_verified_ifc(folder / "house.ifc", result, folder / "house_verified.ifc")
+
+
+def make_photos(folder: Path) -> None:
+    """Three photos of the house from the garden, and where they were taken from, about."""
+    model = load_model(folder / "house.ifc")
+    solid = np.concatenate([
+        model.vertices[model.triangles[model.triangle_start[k] : model.triangle_start[k + 1]].ravel()]
+        for k, element in enumerate(model.elements) if element.ifc_class != "IfcGeographicElement"
+    ])  # fmt: skip
+    middle, rng, coarse = 0.5 * (solid.min(axis=0) + solid.max(axis=0)), np.random.default_rng(PHOTO_SEED), []
+    for number, degrees in enumerate(PHOTOS_FROM):
+        angle = math.radians(degrees)
+        place = middle + PHOTO_DISTANCE_M * np.array([math.cos(angle), math.sin(angle), 0.0])
+        place[2] = EYE_M
+        camera = Camera(f"photo_{number}.jpg", LENS, looking(angle + math.pi, 0.08, 0.01), place)
+        Image.fromarray(photograph(model, camera)).save(folder / camera.name)
+        coarse.append(camera.moved(rng.normal(0, math.radians(0.5), 3), rng.normal(0, 0.08, 3)))
+    (folder / "cameras.json").write_text(json.dumps({"cameras": [camera_to_plain(c) for c in coarse]}))
 
 
 def story(inputs: Path, out: Path, names: list[str]) -> Iterator[float]:
     """The steps, each in a scene of its own; yields seconds to wait before the next."""
     make_inputs(inputs)
     for name in names:
-        bpy.ops.scene.new(type="EMPTY")
+        bpy.context.window_manager.windows[0].scene = bpy.data.scenes.new(name)
         tidy()
         yield TO_DRAW_S
         choose_tab()

@@ -16,6 +16,7 @@ import pytest
 
 from bim_verify.cli import main
 from bim_verify.core.quality import prediction
+from bim_verify.core.report.plain_page import Section, write_page
 
 from .facade_data import photo_of
 from .factory import make_ifc
@@ -127,3 +128,9 @@ def harmless(page: str) -> None:
     assert tags.scripts <= 2
     assert "<script>alert" not in page and "<img src=x" not in page
     assert not [v for v in tags.loads if v and not v.endswith(".csv")]
+
+
+def test_the_page_of_the_other_reports_escapes_whatever_it_is_given(tmp_path: Path) -> None:
+    bad = "".join(NAMES)
+    section = Section(bad, bad, columns=(bad,), rows=((bad,),))
+    harmless(write_page(tmp_path, bad, bad, bad, ((bad, bad),), [section]).read_text(encoding="utf-8"))
