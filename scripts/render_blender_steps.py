@@ -18,31 +18,24 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-import numpy as np
 from mathutils import Euler
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from blender_window import TO_DRAW_S, choose_tab, in_view, open_only, run, scroll_to_top, shoot, tidy, until_idle, view
-from make_wall_example import write_scans
-from PIL import Image
 
-from bim_verify.bim_verify_addon import scene
-from bim_verify.core.imagery.camera import Camera, Interior
-from bim_verify.core.imagery.cameras_file import camera_to_plain
+from bim_verify.bim_verify_addon import paint, scene
+from bim_verify.bim_verify_addon.capabilities.update import show
 from bim_verify.core.jobs import verify
-from bim_verify.core.model.load import load_model
+from bim_verify.core.model.load import load_model, open_ifc
 from bim_verify.core.model.write_psets import write_verified_ifc
 from bim_verify.core.options import VerifyOptions
 from bim_verify.core.simulation.demo import make_demo, make_later_epoch
-from bim_verify.core.simulation.facade_photo import paint_facade, street_camera, truth_of
-from bim_verify.core.simulation.facade_plan import facade_plan
-from bim_verify.core.simulation.photo import looking, photograph
+from bim_verify.core.simulation.tour_files import write_facade_photo, write_house_photos
+from bim_verify.core.simulation.wall_example import write_wall_example
+from bim_verify.core.update.update import UpdatedFile, update_file
 
-LENS = Interior(1200, 900, 900.0, 900.0, 600.0, 448.0, (-0.08, 0.02, 0.0, 0.0, 0.0))
-FACADE_SEED, PHOTO_SEED = 1, 3
-PHOTOS_FROM, PHOTO_DISTANCE_M, EYE_M = (-130.0, -60.0, 40.0), 14.0, 1.6
-"""Degrees about the house; metres from its middle, and over the ground."""
+PHOTO_SEED = 1
 FROM_SOUTH_WEST = (62.0, -38.0)
 """Degrees: how far the view is raised from straight down, and its turn about the vertical."""
 FROM_SOUTH, FROM_NORTH = (82.0, -12.0), (82.0, 168.0)
@@ -105,8 +98,7 @@ def facade(inputs: Path, out: Path) -> Iterator[float]:
     """Windows and doors of a painted photo."""
     truth = json.loads((inputs / "facade.json").read_text())
     settings = bpy.context.scene.bim_verify_facade
-    settings.corners = ",".join(f"{v:.1f}" for corner in truth["corners_px"] for v in corner)
-    settings.width = truth["width_m"]
+    settings.corners, settings.width = truth["corners"], truth["width_m"]
     yield from do("facade", filepath=str(inputs / "facade.png"))
     items = list(bpy.context.scene.objects)
     frame(items, FROM_SOUTH)
@@ -131,11 +123,6 @@ def photos(inputs: Path, out: Path) -> Iterator[float]:
 
 def update(inputs: Path, out: Path) -> Iterator[float]:
     """What ``bim-verify update --blend`` shows."""
-    from bim_verify.bim_verify_addon import paint
-    from bim_verify.bim_verify_addon.capabilities.update import show
-    from bim_verify.core.model.load import open_ifc
-    from bim_verify.core.update.update import UpdatedFile, update_file
-
     file = open_ifc(inputs / "house_verified.ifc")
     show(bpy.context.scene, UpdatedFile(update_file(file), file))
     paint.refresh(bpy.context.scene)
@@ -211,36 +198,15 @@ def make_inputs(folder: Path) -> None:
     if not (folder / "scan_later.e57").exists():
         make_later_epoch(folder)
     if not (folder / "later.e57").exists():
-        write_scans(folder)
+        write_wall_example(folder)
     if not (folder / "facade.json").exists():
-        plan = facade_plan(FACADE_SEED)
-        camera = street_camera(plan, 1200, np.random.default_rng((FACADE_SEED, 32)))
-        Image.fromarray(paint_facade(plan, camera)).save(folder / "facade.png")
-        truth = {**truth_of(plan, camera), "width_m": plan.width}
-        (folder / "facade.json").write_text(json.dumps({k: truth[k] for k in ("corners_px", "width_m")}))
+        photo = write_facade_photo(folder)
+        (folder / "facade.json").write_text(json.dumps({"corners": photo.corners, "width_m": photo.width}))
     if not (folder / "cameras.json").exists():
-        make_photos(folder)
+        write_house_photos(load_model(folder / "house.ifc"), folder, PHOTO_SEED)
     if not (folder / "house_verified.ifc").exists():
         result = verify(folder / "house.ifc", [folder / "scan.e57"], VerifyOptions(sample_spacing=0.1))
         write_verified_ifc(folder / "house.ifc", result, folder / "house_verified.ifc")
-
-
-def make_photos(folder: Path) -> None:
-    """Three photos of the house from the garden, and where they were taken from, about."""
-    model = load_model(folder / "house.ifc")
-    solid = np.concatenate([
-        model.vertices[model.triangles[model.triangle_start[k] : model.triangle_start[k + 1]].ravel()]
-        for k, element in enumerate(model.elements) if element.ifc_class != "IfcGeographicElement"
-    ])  # fmt: skip
-    middle, rng, coarse = 0.5 * (solid.min(axis=0) + solid.max(axis=0)), np.random.default_rng(PHOTO_SEED), []
-    for number, degrees in enumerate(PHOTOS_FROM):
-        angle = math.radians(degrees)
-        place = middle + PHOTO_DISTANCE_M * np.array([math.cos(angle), math.sin(angle), 0.0])
-        place[2] = EYE_M
-        camera = Camera(f"photo_{number}.jpg", LENS, looking(angle + math.pi, 0.08, 0.01), place)
-        Image.fromarray(photograph(model, camera)).save(folder / camera.name)
-        coarse.append(camera.moved(rng.normal(0, math.radians(0.5), 3), rng.normal(0, 0.08, 3)))
-    (folder / "cameras.json").write_text(json.dumps({"cameras": [camera_to_plain(c) for c in coarse]}))
 
 
 def story(inputs: Path, out: Path, names: list[str]) -> Iterator[float]:

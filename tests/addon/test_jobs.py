@@ -136,6 +136,15 @@ def test_after_escape_the_next_job_waits_for_the_work_to_stop() -> None:
     assert (order, first.finished, second.finished) == (["first", "second"], [], [2])
 
 
+def test_escape_after_the_work_has_ended_still_changes_nothing() -> None:
+    operator, context = FakeOperator(lambda progress: 5), fake_context()
+    operator.start(context)
+    operator._worker.thread.join(20)
+    assert operator.modal(context, ESC) == {"CANCELLED"}
+    assert (operator.finished, SESSION.job, context.timers) == ([], None, [])
+    assert operator.reports == [({"WARNING"}, "Count was cancelled; nothing was changed.")]
+
+
 def test_an_error_in_the_thread_is_one_sentence() -> None:
     def work(progress: Progress) -> int:
         raise BimVerifyError("The file is cut off. Copy it again.")
