@@ -14,6 +14,11 @@ def status(item: bpy.types.Object) -> str:
     return str(stored.decided_status or stored.status) if stored.status else ""
 
 
+def verified(scene: bpy.types.Scene) -> bool:
+    """Whether elements carry verdicts; other steps count classes of their own."""
+    return any(entry.mode == "STATUS" for entry in scene.bim_verify.counts)
+
+
 def forget(scene: bpy.types.Scene) -> None:
     """Nothing was computed for the model that the scene shows now; what a person decided stays for the next run."""
     for item in scenery.element_objects(scene).values():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .. import bonsai
+from .. import bonsai, verdicts
 from ..capability import Capability, Step, StepState
 from ..session import SESSION
 from ..step_parts import main_button
@@ -17,7 +17,7 @@ def _state(scene: bpy.types.Scene) -> StepState:
     if settings.result_key in SESSION.results:
         in_bonsai = bonsai.live_file() is not None
         return StepState(in_bonsai, "In Bonsai's project: save it there" if in_bonsai else "Ready")
-    return StepState(False, "Verify again in this session" if settings.counts else "Needs a result")
+    return StepState(False, "Verify again in this session" if verdicts.verified(scene) else "Needs a result")
 
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -38,7 +38,7 @@ LOA_MEANINGS = {
 
 def _state(scene: bpy.types.Scene) -> StepState:
     settings = scene.bim_verify
-    if settings.counts:
+    if verdicts.verified(scene):
         return StepState(True, settings.result_summary)
     return StepState(False, missing(scene) or "Ready")
 

@@ -33,7 +33,7 @@ class BIMVERIFY_OT_decide(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not context.scene.bim_verify.counts:
+        if not verdicts.verified(context.scene):
             cls.poll_message_set("Verify first")
             return False
         if not context.selected_objects:

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import bpy
 
-from .. import project
+from .. import project, verdicts
 from ..jobs import Job, start_soon
 from ..session import SESSION
 
@@ -78,5 +78,6 @@ def has_result(cls: type[bpy.types.Operator], context: bpy.types.Context) -> boo
     settings = context.scene.bim_verify
     if settings.result_key in SESSION.results:
         return True
-    cls.poll_message_set("Verify again: the result is not in memory" if settings.counts else "Verify first: there is no result")
+    known = verdicts.verified(context.scene)
+    cls.poll_message_set("Verify again: the result is not in memory" if known else "Verify first: there is no result")
     return False

@@ -39,6 +39,16 @@ def test_every_step_says_what_is_missing_or_reached(verified: bpy.types.Scene) -
             assert capability.step.state(verified).text
 
 
+def test_classes_of_another_step_are_no_verdicts(blender: bpy.types.Scene) -> None:
+    entry = blender.bim_verify.counts.add()
+    entry.mode, entry.category, entry.count = "CHANGE", "NEW", 3
+    step = next(c.step for c in CAPABILITIES if c.name == "verify")
+    assert step is not None and not step.state(blender).done
+    assert not ops.decide.poll()
+    entry.mode = "STATUS"
+    assert step.state(blender).done
+
+
 @pytest.mark.parametrize("identifier", list(MODES))
 def test_every_mode_colours_and_explains(verified: bpy.types.Scene, identifier: str) -> None:
     mode = MODES[identifier]
