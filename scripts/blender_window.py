@@ -17,13 +17,15 @@ from headless_entry import package
 
 PACKAGE = package()
 
-from PIL import ImageGrab  # noqa: E402
+from PIL import Image, ImageGrab  # noqa: E402
 
 from bim_verify.bim_verify_addon import panels  # noqa: E402
 from bim_verify.bim_verify_addon.registration import register  # noqa: E402
 from bim_verify.bim_verify_addon.session import SESSION  # noqa: E402
 
 SIZE = (960, 680)
+LARGEST = 300_000
+"""Bytes of a picture with all its colours."""
 WHILE_BUSY_S, TO_DRAW_S = 0.3, 1.5
 SCROLL_STEPS = 60
 """More than the sidebar is long; it stops at its end."""
@@ -138,4 +140,6 @@ def shoot(path: Path) -> None:
     picture = screen.crop((area.x, bottom - area.height, area.x + area.width, bottom)).convert("RGB")
     picture.thumbnail(SIZE)
     picture.save(path, optimize=True)
+    if path.stat().st_size > LARGEST:
+        picture.quantize(128, dither=Image.Dither.NONE).save(path, optimize=True)
     print(path, flush=True)
