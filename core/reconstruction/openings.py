@@ -10,6 +10,17 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_opening, find_objects, label, uniform_filter
 
 from .crossings import Crossings
+from .opening_edges import (
+    JUMP_M,
+    SEEN_CELLS,
+    SIDES,
+    EdgePlace,
+    bracket,
+    gathered,
+    hidden_edge,
+    reveal_edge,
+    seen_edge,
+)
 
 Array = NDArray[np.float64]
 Cells = NDArray[np.int8]
@@ -27,6 +38,8 @@ DOOR_SILL_M = 0.15
 DOOR_HEIGHT_M = 1.6
 HIDDEN_SILL_M = 0.9
 """What hides the foot of a door may be this high."""
+FLOOR_SIGMA_M = 0.005
+"""Of the height at which an opening without a sill ends: that of the floor beside it."""
 RIM_M = (0.02, 0.055)
 """A frame lies this far inside the edge of its opening; the reveal itself does not."""
 FILLED_SHARE = 0.4
@@ -46,6 +59,10 @@ class Opening:
     """A leaf, pane or frame was seen in it."""
     quality: float
     """Share of the known cells in the rectangle that are open, 0..1."""
+    edge_sigma: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    """Standard deviations of u0, u1, z0, z1 [m]."""
+    hidden: tuple[str, ...] = ()
+    """Edges that were not seen (names of ``opening_edges.SIDES``): they lie between what was."""
 
     @property
     def width(self) -> float:
@@ -174,62 +191,68 @@ def _refined(
     raster: FaceRaster, sides: list[Crossings], rectangle: tuple[int, int, int, int], floor: float, thickness: float,
     band: float, quality: float,
 ) -> Opening | None:
-    i0, i1, k0, k1 = rectangle
     cell = raster.cell
-    u0, u1 = raster.u0 + i0 * cell, raster.u0 + i1 * cell
-    z0, z1 = raster.z0 + k0 * cell, raster.z0 + k1 * cell
-    below = raster.state[i0:i1, :k0]
+    brackets = _brackets(raster, rectangle)
+    u0, u1, z0, z1 = (b[0] for b in brackets)
+    below = raster.state[rectangle[0] : rectangle[1], : rectangle[2]]
     down = z0 - floor < DOOR_SILL_M or (
         z0 - floor < HIDDEN_SILL_M and z1 - floor > DOOR_HEIGHT_M and (below == SOLID).mean() < 0.1
     )
-    u = np.concatenate([s.u for s in sides])
-    z = np.concatenate([s.z for s in sides])
-    on = np.concatenate([s.on_face(band) for s in sides])
-    behind = np.concatenate([s.depth > band for s in sides])
-    near_z = (z > z0 + 0.1 * (z1 - z0)) & (z < z1 - 0.1 * (z1 - z0))
-    near_u = (u > u0 + 0.1 * (u1 - u0)) & (u < u1 - 0.1 * (u1 - u0))
-    u0 = _edge(u, z, on & near_z, behind & near_z, u0, cell, 1.0)
-    u1 = _edge(u, z, on & near_z, behind & near_z, u1, cell, -1.0)
-    z1 = _edge(z, u, on & near_u, behind & near_u, z1, cell, -1.0)
-    z0 = floor if down else _edge(z, u, on & near_u, behind & near_u, z0, cell, 1.0)
+    rays = gathered(sides, band)
+    near_z = (rays.z > z0 + 0.1 * (z1 - z0)) & (rays.z < z1 - 0.1 * (z1 - z0))
+    near_u = (rays.u > u0 + 0.1 * (u1 - u0)) & (rays.u < u1 - 0.1 * (u1 - u0))
+    # where little was seen across, the little counts
+    near_z = near_z if (near_z & rays.behind).any() else (rays.z > z0) & (rays.z < z1)
+    whole_z, whole_u = (rays.z > z0) & (rays.z < z1), (rays.u > u0) & (rays.u < u1)
+    found = []
+    for k, (inner, outer) in enumerate(brackets):
+        upright = k < 2
+        at, across, near, whole = (
+            (rays.u, rays.z, near_z, whole_z) if upright else (rays.z, rays.u, near_u, whole_u)
+        )
+        end, along_edge = (rays.end_u, rays.end_z) if upright else (rays.end_z, rays.end_u)
+        place = None
+        if abs(outer - inner) < (SEEN_CELLS + 0.5) * cell:
+            for chosen in (near, whole):
+                place = place or seen_edge(
+                    at, across, rays.on & chosen, rays.behind & chosen, 0.5 * (inner + outer), cell, (1.0, -1.0)[k % 2]
+                )
+        if place is None:
+            limits = (min(inner, outer) - 2 * cell, max(inner, outer) + 2 * cell)
+            lower, upper = (z0, z1) if upright else (u0, u1)
+            inside = rays.behind & (along_edge > lower) & (along_edge < upper)
+            place = reveal_edge(end, along_edge, rays.depth, inside, limits, thickness)
+        found.append(place or hidden_edge(inner, outer))
+    if down:
+        found[2] = EdgePlace(floor, FLOOR_SIGMA_M, z0 - floor < DOOR_SILL_M)
+    u0, u1, z0, z1 = (e.at for e in found)
     if u1 - u0 < LEAST_SIDE_M or z1 - z0 < LEAST_SIDE_M:
         return None
     filled = _is_filled(sides, (u0, u1, z0, z1), thickness, band)
     kind: Literal["door", "window", "opening"] = "window"
     if down and z1 - z0 > DOOR_HEIGHT_M:
         kind = "door" if filled else "opening"
-    return Opening(u0, u1, z0, z1, kind, filled, quality)
+    hidden = tuple(name for name, e in zip(SIDES, found, strict=True) if not e.seen)
+    return Opening(u0, u1, z0, z1, kind, filled, quality, (found[0].sigma, found[1].sigma, found[2].sigma, found[3].sigma), hidden)
 
 
-def _edge(
-    at: Array, across: Array, on: NDArray[np.bool_], behind: NDArray[np.bool_], edge: float, cell: float, side: float
-) -> float:
-    """The edge of a hole: between the last return on the face and the first one behind it, median over strips.
-
-    ``side`` 1 where the hole begins, -1 where it ends.
-    """
-    reach = 3.0 * cell
-    close = np.abs(at - edge) < reach
-    strip = np.floor(across / max(2.0 * cell, 0.04)).astype(np.int64)
-    a, s = (at * side), strip
-    solid = on & close
-    if solid.sum() < 3:
-        return edge
-    first = int(s[close].min())
-    count = int(s[close].max()) - first + 1
-    last_solid = np.full(count, -np.inf)
-    np.maximum.at(last_solid, s[solid] - first, a[solid])
-    first_open = np.full(count, np.inf)
-    through = behind & close
-    np.minimum.at(first_open, s[through] - first, a[through])
-    both = np.isfinite(last_solid) & np.isfinite(first_open)
-    last_solid[~both & ~np.isfinite(last_solid)] = -1e9
-    both &= (first_open - last_solid < 2 * cell)
-    both &= first_open > last_solid - 0.5 * cell
-    if both.sum() >= 3:
-        return side * float(np.median(0.5 * (last_solid[both] + first_open[both])))
-    seen = last_solid[last_solid > -1e8]
-    return side * float(np.quantile(seen, 0.75)) if len(seen) >= 3 else edge
+def _brackets(raster: FaceRaster, rectangle: tuple[int, int, int, int]) -> list[tuple[float, float]]:
+    """For each edge the place up to which it is open, and that from which it is solid [m], hidden parts between them."""
+    i0, i1, k0, k1 = rectangle
+    hole, solid = raster.state == OPEN, raster.state == SOLID
+    jump = max(int(JUMP_M / raster.cell), 1)
+    for _ in range(2):
+        u_hole, u_solid = hole[:, k0:k1], solid[:, k0:k1]
+        left, right = bracket(u_hole, u_solid, i0, -1, jump), bracket(u_hole, u_solid, i1 - 1, 1, jump)
+        i0, i1 = left[0], right[0] + 1
+        z_hole, z_solid = hole[i0:i1].T, solid[i0:i1].T
+        down, up = bracket(z_hole, z_solid, k0, -1, jump), bracket(z_hole, z_solid, k1 - 1, 1, jump)
+        k0, k1 = down[0], up[0] + 1
+    c = raster.cell
+    return [
+        (raster.u0 + left[0] * c, raster.u0 + (left[1] + 1) * c), (raster.u0 + (right[0] + 1) * c, raster.u0 + right[1] * c),
+        (raster.z0 + down[0] * c, raster.z0 + (down[1] + 1) * c), (raster.z0 + (up[0] + 1) * c, raster.z0 + up[1] * c),
+    ]
 
 
 def _is_filled(sides: list[Crossings], box: tuple[float, float, float, float], thickness: float, band: float) -> bool:

@@ -25,6 +25,9 @@ SAME_LINE_M = 0.045
 MOST_LINES = 48
 LEAST_FREE = 0.5
 ROUND_M = 1e-6
+LEAST_ENCLOSED = 0.6
+"""Share of an outline along which a surface was seen; below it the place is outside under a roof, or seen in part only."""
+LEAST_WIDTH_M = 0.5
 LEAST_COLUMN_M2 = 0.01
 MOST_COLUMN_M2 = 2.5
 
@@ -66,6 +69,11 @@ class Room:
     floor: float
     ceiling: float
 
+    @property
+    def enclosed(self) -> float:
+        """Share of its outline along which a surface was seen, 0..1."""
+        return sum(e.length for e in self.edges if e.face >= 0) / max(sum(e.length for e in self.edges), 1e-9)
+
 
 @dataclass(frozen=True)
 class _Line:
@@ -81,7 +89,7 @@ def find_rooms(plan: PlanRaster, faces: list[Face], storey: Storey) -> list[Room
     out = []
     for number in np.unique(plan.rooms[plan.rooms > 0]):
         room = _room(plan, faces, bounds, plan.rooms == number, storey)
-        if room is not None:
+        if room is not None and room.enclosed >= LEAST_ENCLOSED and not room.outline.buffer(-LEAST_WIDTH_M / 2).is_empty:
             out.append(room)
     out.sort(key=lambda r: -r.outline.area)
     return _apart(out)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from .levels import Storey
 from .openings import FaceRaster, Opening, face_raster, find_openings
 from .plan import make_plan
 from .rooms import Room, find_rooms
-from .thickness import SIGMA_M, Hint, hint, settle
+from .thickness import Hint, hint, settle
 from .walls import WallLine, find_walls
 
 Array = NDArray[np.float64]
@@ -134,7 +134,7 @@ def _sharpen(line: WallLine, sides: list[Crossings], band: float) -> None:
 
 
 def _moved(o: Opening, by: float) -> Opening:
-    return Opening(o.u0 + by, o.u1 + by, o.z0, o.z1, o.kind, o.filled, o.quality)
+    return replace(o, u0=o.u0 + by, u1=o.u1 + by)
 
 
 def _fit(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> tuple[FitRecord, float, float]:
@@ -155,7 +155,7 @@ def _fit(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> tuple[Fit
     if not planes:
         return FitRecord(None, None, quality, None, work.line.source), 0.0, 0.0
     sigma = [p.position_sigma for p in planes]
-    extra = SIGMA_M[work.line.source] / 2
+    extra = work.line.thickness_sigma / 2
     position = float(np.hypot(np.sqrt(np.sum(np.square(sigma))) / len(sigma), extra))
     lean = plumb_deviation(planes[0])
     record = FitRecord(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .building import ASSUMED, MEASURED, REVEAL
+from .building import ASSUMED, REVEAL
 from .crossings import Crossings
 from .openings import Opening, reveal_depth
 from .walls import WallLine
@@ -16,8 +16,12 @@ BEYOND_LEAF_M = 0.03
 """A reveal that goes on this far behind the leaf is taken to end with the wall."""
 HALF_LEAF_M = 0.015
 LEAST_M, MOST_M = 0.06, 0.8
-SIGMA_M = {MEASURED: 0.0, REVEAL: 0.005, ASSUMED: 0.05}
-"""What the thickness may be off by, beside the faces' own uncertainty."""
+BEHIND_LEAF_M = 0.05
+"""A wall goes on at least this far behind the deepest leaf or pane of its kind."""
+REVEAL_SIGMA_M = 0.005
+LEAF_SIGMA_M = 0.05
+BORROWED_SIGMA_M = 0.12
+"""Standard deviations of a thickness: from a reveal, from a leaf in the wall, from other walls (6 to 50 cm occur)."""
 
 
 @dataclass(frozen=True)
@@ -48,19 +52,20 @@ def hint(side: Crossings, openings: list[Opening], band: float) -> Hint:
 
 
 def settle(walls: list[WallLine], hints: list[Hint]) -> None:
-    """Give every one-sided wall its thickness and say where it is from."""
+    """Give every one-sided wall its thickness, say where it is from, and how far it may be off."""
     open_walls = [(w, h) for w, h in zip(walls, hints, strict=True) if not w.two_sided]
     reveals = [h.reveal for _, h in open_walls if h.reveal is not None]
     typical = float(np.median(reveals)) if reveals else None
-    leaves = [2 * (h.leaf + HALF_LEAF_M) for _, h in open_walls if h.leaf is not None]
-    middle = float(np.median(leaves)) if leaves else None
+    # a leaf or pane is taken to stand in the middle of the wall; walls of a storey that are like each other tell more
+    leaves = [h.leaf for _, h in open_walls if h.leaf is not None]
+    middle = max(2 * (float(np.median(leaves)) + HALF_LEAF_M), max(leaves) + BEHIND_LEAF_M) if leaves else None
     for wall, h in open_walls:
+        wall.source, wall.thickness_sigma = ASSUMED, BORROWED_SIGMA_M
         if h.reveal is not None and (typical is None or abs(h.reveal - typical) < 0.02 or h.reveal > typical):
-            wall.thickness, wall.source = h.reveal, REVEAL
+            wall.thickness, wall.source, wall.thickness_sigma = h.reveal, REVEAL, REVEAL_SIGMA_M
         elif typical is not None and typical >= h.at_least - 0.02:
-            wall.thickness, wall.source = typical, ASSUMED
-        elif h.leaf is not None:
-            # a leaf or pane is taken to stand in the middle of the wall
-            wall.thickness, wall.source = 2 * (h.leaf + HALF_LEAF_M), ASSUMED
+            wall.thickness = typical
         else:
-            wall.thickness, wall.source = middle if middle is not None else DEFAULT_M, ASSUMED
+            wall.thickness = middle if middle is not None else DEFAULT_M
+        if wall.source == ASSUMED and h.leaf is not None:
+            wall.thickness_sigma = LEAF_SIGMA_M

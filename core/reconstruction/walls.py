@@ -24,6 +24,9 @@ SAME_THICKNESS_M = 0.03
 SAME_DIRECTION = np.sin(np.radians(2.0))
 LARGEST_GAP_M = 0.8
 OUTER_SHARE = 0.3
+"""Share of the inner face's length along which the outer one must be seen as well."""
+PLACE_M = 0.15
+ROWS = 100_000
 SHORT_SHARE = 0.5
 
 
@@ -43,8 +46,8 @@ class Piece:
     """Room at the left."""
     right: int
     """Room at the right, -1 for none, -2 for a face seen from outside."""
-    seen: bool = True
-    """A surface was seen at the left."""
+    face: int = -1
+    """Row of the storey's faces of the surface seen at the left; -1 for none."""
 
     @property
     def normal(self) -> Array:
@@ -74,6 +77,8 @@ class WallLine:
     u0: float
     u1: float
     pieces: list[Piece] = field(default_factory=list)
+    thickness_sigma: float = 0.0
+    """What the thickness may be off by, beside the faces' own uncertainty [m]."""
 
     @property
     def normal(self) -> Array:
@@ -127,7 +132,7 @@ def _pieces(rooms: list[Room]) -> list[Piece]:
                 continue
             middle = a.start + 0.5 * (s0 + s1) * a.along
             slope = b.inward @ a.inward
-            distance = float((b.start - middle) @ b.inward / -slope) * -1.0
+            distance = float((b.start - middle) @ b.inward / -slope)
             if THINNEST_M < distance < THICKEST_M:
                 partners[i].append((distance, s0, j, s1))
     out = []
@@ -145,7 +150,7 @@ def _pieces(rooms: list[Room]) -> list[Piece]:
         for p, q in rest:
             least = LEAST_REMAINDER_M if taken else LEAST_ONE_SIDED_M
             if q - p >= least:
-                out.append(Piece(a.along, near, None, start + p, start + q, room, -1, a.face >= 0))
+                out.append(Piece(a.along, near, None, start + p, start + q, room, -1, a.face))
     return out
 
 
@@ -157,21 +162,37 @@ def _without(low: float, high: float, taken: list[tuple[float, float]]) -> list[
 
 
 def _look_outside(piece: Piece, faces: list[Face]) -> None:
-    """The face seen from outside behind a one-sided piece, if there is one."""
+    """The face seen from outside behind a one-sided piece, if there is one.
+
+    It counts only where the inner face was seen as well: panes and panels that stand in openings are no faces of a wall.
+    """
+    if piece.face < 0:
+        return
+    inner = _places(faces[piece.face], piece)
+    if not len(inner):
+        return
     best = None
     for face in faces:
         if face.normal @ piece.normal > OPPOSITE_COS:
             continue
-        u = (face.normal * face.offset + face.u[:, None] * face.along) @ piece.along
-        inside = (u > piece.u0) & (u < piece.u1)
-        if len(np.unique(np.floor(u[inside] / 0.1))) * 0.1 < OUTER_SHARE * piece.length:
-            continue
         middle = piece.point(0.5 * (piece.u0 + piece.u1), piece.near)
-        distance = float((face.normal @ middle - face.offset) / (face.normal @ piece.normal)) * 1.0
-        if THINNEST_M < distance < THICKEST_M and (best is None or distance < best):
+        distance = float((face.normal @ middle - face.offset) / (face.normal @ piece.normal))
+        if not THINNEST_M < distance < THICKEST_M or (best is not None and distance >= best):
+            continue
+        both = np.intersect1d(inner, _places(face, piece))
+        if len(np.unique(both // ROWS)) >= OUTER_SHARE * len(np.unique(inner // ROWS)):
             best = distance
     if best is not None:
         piece.thickness, piece.right = best, -2
+
+
+def _places(face: Face, piece: Piece) -> NDArray[np.int64]:
+    """Cells along the piece and in height in which the face was seen."""
+    u = (face.normal * face.offset + face.u[:, None] * face.along) @ piece.along
+    inside = (u > piece.u0) & (u < piece.u1)
+    column = ((u[inside] - piece.u0) / PLACE_M).astype(np.int64)
+    row = np.clip(np.floor(face.z[inside] / PLACE_M).astype(np.int64) + ROWS // 2, 0, ROWS - 1)
+    return np.unique(column * ROWS + row)
 
 
 def _merge(pieces: list[Piece], rooms: list[Room]) -> list[WallLine]:
