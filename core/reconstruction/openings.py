@@ -38,6 +38,10 @@ DOOR_SILL_M = 0.15
 DOOR_HEIGHT_M = 1.6
 HIDDEN_SILL_M = 0.9
 """What hides the foot of a door may be this high."""
+SAME_HOLE = 0.3
+"""Of two openings that share this much of both sides of the smaller one, the larger one stays."""
+LEAST_SEEN_M = 0.14
+"""So much of a hole must be seen; what hides the rest must leave room for LEAST_SIDE_M."""
 FLOOR_SIGMA_M = 0.005
 """Of the height at which an opening without a sill ends: that of the floor beside it."""
 RIM_M = (0.02, 0.055)
@@ -134,7 +138,7 @@ def find_openings(
     out: list[Opening] = []
     for number, place in enumerate(find_objects(pieces), start=1):
         mask = pieces[place] == number
-        if min(mask.shape) * raster.cell < 0.6 * LEAST_SIDE_M or mask.sum() * raster.cell**2 < 0.06:
+        if min(mask.shape) * raster.cell < LEAST_SEEN_M or mask.sum() * raster.cell**2 < 0.06:
             continue
         rectangle = _rectangle(state, place, mask, raster.cell)
         if rectangle is None:
@@ -151,7 +155,19 @@ def find_openings(
         opening = _refined(raster, sides, rectangle, floor, thickness, band, open_cells / known)
         if opening is not None:
             out.append(opening)
-    return out
+    return _apart(out)
+
+
+def _apart(openings: list[Opening]) -> list[Opening]:
+    """Pieces of one hole, between things that stand before it, were followed to the same edges: one of them stays."""
+    kept: list[Opening] = []
+    for o in sorted(openings, key=lambda o: (-o.width * o.height, o.u0)):
+        if not any(
+            min(o.u1, k.u1) - max(o.u0, k.u0) > SAME_HOLE * o.width and min(o.z1, k.z1) - max(o.z0, k.z0) > SAME_HOLE * o.height
+            for k in kept
+        ):
+            kept.append(o)
+    return sorted(kept, key=lambda o: o.u0)
 
 
 def _rectangle(
@@ -174,7 +190,7 @@ def _rectangle(
     (a0, a1), (b0, b1) = run(1), run(0)
     i0, i1 = place[0].start + a0, place[0].start + a1
     k0, k1 = place[1].start + b0, place[1].start + b1
-    if min(i1 - i0, k1 - k0) * cell < LEAST_SIDE_M:
+    if min(i1 - i0, k1 - k0) * cell < LEAST_SEEN_M:
         return None
     return i0, i1, k0, k1
 
@@ -233,7 +249,8 @@ def _refined(
     if down and z1 - z0 > DOOR_HEIGHT_M:
         kind = "door" if filled else "opening"
     hidden = tuple(name for name, e in zip(SIDES, found, strict=True) if not e.seen)
-    return Opening(u0, u1, z0, z1, kind, filled, quality, (found[0].sigma, found[1].sigma, found[2].sigma, found[3].sigma), hidden)
+    start, end, sill, head = (e.sigma for e in found)
+    return Opening(u0, u1, z0, z1, kind, filled, quality, (start, end, sill, head), hidden)
 
 
 def _brackets(raster: FaceRaster, rectangle: tuple[int, int, int, int]) -> list[tuple[float, float]]:

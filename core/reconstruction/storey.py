@@ -116,7 +116,7 @@ def _examine(cloud: Cloud, line: WallLine, rooms: list[Room], storey: Storey, ba
     sides = [cross(cloud, line.normal, line.near, line.along, u, z, band)]
     if line.two_sided:
         sides.append(cross(cloud, -line.normal, line.thickness - line.near, line.along, u, z, band))
-    _sharpen(line, sides, band)
+    sides = _sharpen(line, sides, band)
     raster = face_raster(sides, u, z, band)
     if raster.solid_share < LEAST_SOLID and line.source == ASSUMED:
         return None
@@ -125,12 +125,23 @@ def _examine(cloud: Cloud, line: WallLine, rooms: list[Room], storey: Storey, ba
     return _Work(line, sides, raster, openings, base, top)
 
 
-def _sharpen(line: WallLine, sides: list[Crossings], band: float) -> None:
-    """Move the faces to the mean of the returns on them."""
-    shift = [float(s.depth[on].mean()) if (on := s.on_face(band)).sum() > 50 else 0.0 for s in sides]
+def _sharpen(line: WallLine, sides: list[Crossings], band: float) -> list[Crossings]:
+    """Move the faces to the middle of the returns on them; the sides with their depths behind the moved faces.
+
+    A door's frame may stand back by little more than the band: the median is that of the wall while most of it is wall.
+    """
+    shift, out = [], []
+    for side in sides:
+        by = 0.0
+        for _ in range(3):
+            on = np.abs(side.depth - by) <= band
+            by = float(np.median(side.depth[on])) if on.sum() > 50 else by
+        shift.append(by)
+        out.append(replace(side, depth=side.depth - by))
     line.near -= shift[0]
     if len(shift) > 1:
         line.thickness -= shift[0] + shift[1]
+    return out
 
 
 def _moved(o: Opening, by: float) -> Opening:

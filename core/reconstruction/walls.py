@@ -145,7 +145,7 @@ def _pieces(rooms: list[Room]) -> list[Piece]:
                 if q - p > 0.05:
                     taken.append((p, q))
                     if i < j:
-                        out.append(Piece(a.along, near, distance, start + p, start + q, room, sides[j][0]))
+                        out.append(Piece(a.along, near, distance, start + p, start + q, room, sides[j][0], a.face))
         rest = _without(0.0, a.length, taken)
         for p, q in rest:
             least = LEAST_REMAINDER_M if taken else LEAST_ONE_SIDED_M
@@ -260,7 +260,8 @@ def _same_line(a: Piece, b: Piece) -> bool:
     if a.thickness is None and b_thick is None:
         return same and abs(at - a.near) < SAME_LINE_M
     measured, single = (a, b) if a.thickness is not None else (b, a)
-    if single.length > SHORT_SHARE * measured.length:
+    one_side = a.face >= 0 and a.face == b.face and a.left == b.left
+    if single.length > SHORT_SHARE * measured.length and not one_side:
         return False
     if same:
         return abs(at - a.near) < SAME_LINE_M

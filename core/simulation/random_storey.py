@@ -82,9 +82,11 @@ def _divide(room: _Room, rng: np.random.Generator, number: int) -> tuple[Planned
         place = float(rng.uniform(start + width / 2 + FROM_CORNER_M, end - width / 2 - FROM_CORNER_M))
         leaf = door(place - start, width, 2.1, rng.choice(("closed", "ajar", "none")))
         if upright:
-            ends, one, other = ((at, start), (at, end)), (room.x0, room.y0, at - half, room.y1), (at + half, room.y0, room.x1, room.y1)
+            ends = (at, start), (at, end)
+            one, other = (room.x0, room.y0, at - half, room.y1), (at + half, room.y0, room.x1, room.y1)
         else:
-            ends, one, other = ((start, at), (end, at)), (room.x0, room.y0, room.x1, at - half), (room.x0, at + half, room.x1, room.y1)
+            ends = (start, at), (end, at)
+            one, other = (room.x0, room.y0, room.x1, at - half), (room.x0, at + half, room.x1, room.y1)
         new = (at, place, width) if upright else (place, at, width)
         parts = [_Room(*one), _Room(*other)]
         for part in parts:
