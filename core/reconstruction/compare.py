@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from .opening_edges import SIDES
 from .shapes import Shape
 
 Array = NDArray[np.float64]
@@ -46,8 +47,18 @@ class Match:
     length: float
     width: float
     height: float
-    edge: float
-    """Largest difference of a side's place along the wall or in height, metres."""
+    edges: tuple[float, float, float, float]
+    """Differences of the places of start, end (along the found wall), sill and head [m]."""
+
+    @property
+    def edge(self) -> float:
+        """Largest difference of an edge, metres."""
+        return max(abs(e) for e in self.edges)
+
+    @property
+    def seen_edge(self) -> float:
+        """Largest difference of an edge that the reconstruction says it saw, metres; 0 if it saw none."""
+        return max((abs(e) for e, name in zip(self.edges, SIDES, strict=True) if name not in self.found.hidden), default=0.0)
 
     @property
     def quality(self) -> float:
@@ -164,12 +175,12 @@ def _match(kind: str, a: Shape, b: Shape) -> Match | None:
             return None
     elif np.linalg.norm(step) > PLACE_LIMIT_M:
         return None
-    edge = max(
-        abs(slide - (length - b.length) / 2), abs(slide + (length - b.length) / 2),
-        abs(rise - (a.height - b.height) / 2), abs(rise + (a.height - b.height) / 2),
-    )
+    # along the found element, so that its start and end are meant
+    slide = -slide if float(along @ b.along) < 0 else slide
+    long, high = (length - b.length) / 2, (a.height - b.height) / 2
+    edges = (slide - long, slide + long, rise - high, rise + high)
     return Match(
-        a, b, abs(axis), float(np.linalg.norm(step)), angle, length - b.length, width - b.width, a.height - b.height, edge
+        a, b, abs(axis), float(np.linalg.norm(step)), angle, length - b.length, width - b.width, a.height - b.height, edges
     )
 
 
@@ -187,6 +198,7 @@ def comparison_to_json(result: Comparison) -> dict[str, Any]:
                         "found": m.found.global_id, "reference": m.reference.global_id, "quality": m.quality,
                         "middle_m": m.middle, "axis_m": m.axis, "angle_deg": float(np.degrees(m.angle)),
                         "length_m": m.length, "width_m": m.width, "height_m": m.height, "edge_m": m.edge,
+                        "seen_edge_m": m.seen_edge,
                     }
                     for m in c.matches
                 ],
@@ -207,7 +219,9 @@ def comparison_lines(result: Comparison) -> list[str]:
             if kind == "walls":
                 text += f", thickness {c.median('width') * 1000:.1f} mm (at most {c.largest('width') * 1000:.1f})"
             else:
-                text += f", edges at most {c.largest('edge') * 1000:.1f} mm"
+                hidden = sum(len(m.found.hidden) for m in c.matches)
+                text += f", edges that were seen at most {c.largest('seen_edge') * 1000:.1f} mm"
+                text += f", with the {hidden} hidden ones {c.largest('edge') * 1000:.1f} mm" if hidden else ""
         out.append(text + ".")
     out.append(f"Quality against the reference: {result.quality:.3f} (0 is equal).")
     return out

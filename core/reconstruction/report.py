@@ -51,14 +51,14 @@ def write_reconstruction_report(folder: str | Path, result: Reconstruction, comp
             "Against the reference", f"Quality {comparison.quality:.3f}: 0 is equal, what has no partner counts 1.",
             columns=(
                 "Class", "Reference", "Found", "Matched", "Precision", "Recall", "F1", "Axis max mm", "Width max mm",
-                "Edge max mm",
+                "Edge max mm, seen", "Edge max mm, all",
             ),
             rows=[
                 (kind, str(c.reference), str(c.found), str(len(c.matches)), f"{c.precision:.3f}", f"{c.recall:.3f}",
-                 f"{c.f1:.3f}", *(millimetres(c.largest(w)) for w in ("axis", "width", "edge")))
+                 f"{c.f1:.3f}", *(millimetres(c.largest(w)) for w in ("axis", "width", "seen_edge", "edge")))
                 for kind, c in comparison.classes.items()
             ],
-            numeric=frozenset(range(1, 10)),
+            numeric=frozenset(range(1, 11)),
         ))
     lines = summary_lines(result)
     meta = [("Scans", ", ".join(Path(p).name for p in result.scan_paths)), ("Notes", " ".join(lines[1:]))]

@@ -19,6 +19,9 @@ CLASSES = {
     "windows": ("IfcWindow",), "spaces": ("IfcSpace",), "slabs": ("IfcSlab",),
 }
 UPRIGHT = 0.1
+PSET_NAME = "BimVerify_Reconstruction"
+HIDDEN_EDGES = "HiddenEdges"
+"""Property of openings, doors and windows: names of the edges that were not seen."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,8 @@ class Shape:
     height: float
     host: str = ""
     """GlobalId of the wall that an opening is in."""
+    hidden: tuple[str, ...] = ()
+    """Edges that its reconstruction did not see: start, end, sill, head."""
 
     @property
     def across(self) -> Array:
@@ -118,5 +123,12 @@ def _box(product: Any, vertices: Array, triangles: NDArray[np.int64], host: Shap
     z = used[:, 2]
     return Shape(
         product.GlobalId, product.Name or "", np.append(middle, 0.5 * (z.max() + z.min())), along, length, width,
-        float(np.ptp(z)), host.global_id if host else "",
+        float(np.ptp(z)), host.global_id if host else "", _hidden(product),
     )
+
+
+def _hidden(product: Any) -> tuple[str, ...]:
+    import ifcopenshell.util.element
+
+    text = ifcopenshell.util.element.get_pset(product, PSET_NAME, HIDDEN_EDGES)
+    return tuple(text.split(", ")) if isinstance(text, str) and text != "none" else ()

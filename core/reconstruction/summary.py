@@ -20,6 +20,13 @@ def summary_lines(result: Reconstruction) -> list[str]:
         f"Thickness of walls: {sources.count(MEASURED)} measured between both faces, {sources.count(REVEAL)} from reveals, "
         f"{sources.count(ASSUMED)} assumed."
     )
+    openings = [o for s in result.storeys for w in s.walls for o in w.openings]
+    hidden = sum(len(o.hidden) for o in openings)
+    if hidden:
+        lines.append(
+            f"Edges of openings: {4 * len(openings) - hidden} seen, {hidden} hidden; a hidden one is put in the middle of "
+            "where it can be, and its sigma says how far it may be off."
+        )
     return lines + [f"Note: {w}" for w in result.warnings]
 
 
@@ -52,7 +59,7 @@ def _storey(s: BuiltStorey, origin: list[float]) -> dict[str, Any]:
              "lean_rad": w.lean, "lean_sigma_rad": w.lean_sigma, "rooms": list(w.rooms),
              "openings": [
                  {"kind": o.kind, "from": o.u0, "to": o.u1, "bottom": o.z0 + z, "top": o.z1 + z, "filled": o.filled,
-                  "quality": o.quality}
+                  "quality": o.quality, "edge_sigma": list(o.edge_sigma), "hidden_edges": list(o.hidden)}
                  for o in w.openings
              ]}
             for w in s.walls

@@ -23,6 +23,8 @@ SAME_LINE_M = 0.02
 SAME_THICKNESS_M = 0.03
 SAME_DIRECTION = np.sin(np.radians(2.0))
 LARGEST_GAP_M = 0.8
+HIDDEN_DEPTH_M = 3.0
+"""A room that ends unseen may reach this much farther, to the line of its neighbours' walls."""
 OUTER_SHARE = 0.3
 """Share of the inner face's length along which the outer one must be seen as well."""
 PLACE_M = 0.15
@@ -111,12 +113,17 @@ class WallLine:
 
 
 def find_walls(rooms: list[Room], faces: list[Face]) -> list[WallLine]:
-    """Walls of a storey, thickness None-sided ones still ASSUMED with thickness 0."""
+    """Walls of a storey; those of which one side was seen are still ASSUMED, with thickness 0.
+
+    No wall stands where a room ends without a surface that was seen.
+    """
     pieces = _pieces(rooms)
+    unseen = [p for p in pieces if p.face < 0]
+    pieces = [p for p in pieces if p.face >= 0]
     for piece in pieces:
         if piece.thickness is None:
             _look_outside(piece, faces)
-    return _merge(pieces, rooms)
+    return _merge(pieces, unseen, rooms)
 
 
 def _pieces(rooms: list[Room]) -> list[Piece]:
@@ -124,7 +131,7 @@ def _pieces(rooms: list[Room]) -> list[Piece]:
     partners: list[list[tuple[float, float, int, float]]] = [[] for _ in sides]
     for i, (_, a) in enumerate(sides):
         for j, (_, b) in enumerate(sides):
-            if i == j or a.inward @ b.inward > OPPOSITE_COS:
+            if i == j or min(a.face, b.face) < 0 or a.inward @ b.inward > OPPOSITE_COS:
                 continue
             s = np.sort([(b.start - a.start) @ a.along, (b.end - a.start) @ a.along])
             s0, s1 = max(0.0, s[0]), min(a.length, s[1])
@@ -195,7 +202,7 @@ def _places(face: Face, piece: Piece) -> NDArray[np.int64]:
     return np.unique(column * ROWS + row)
 
 
-def _merge(pieces: list[Piece], rooms: list[Room]) -> list[WallLine]:
+def _merge(pieces: list[Piece], unseen: list[Piece], rooms: list[Room]) -> list[WallLine]:
     """Pieces in one line become one wall; where two walls would cross, the longer one goes through."""
     inside = union_all([r.outline.buffer(-0.02) for r in rooms]) if rooms else None
     if inside is not None:
@@ -208,7 +215,7 @@ def _merge(pieces: list[Piece], rooms: list[Room]) -> list[WallLine]:
                 continue
             b0, b1 = sorted(float(b.point(u, b.near) @ a.along) for u in (b.u0, b.u1))
             gap = max(b0 - a.u1, a.u0 - b1)
-            if gap > LARGEST_GAP_M:
+            if gap > LARGEST_GAP_M and not _hidden_between(a, min(a.u1, b1), max(a.u0, b0), unseen):
                 continue
             u = 0.5 * (min(a.u1, b1) + max(a.u0, b0))
             middle = a.point(u, a.near - 0.5 * (a.thickness or b.thickness or 0.1))
@@ -238,6 +245,18 @@ def _merge(pieces: list[Piece], rooms: list[Room]) -> list[WallLine]:
     for k, piece in enumerate(pieces):
         groups.setdefault(root(k), []).append(piece)
     return [_line(group) for group in groups.values()]
+
+
+def _hidden_between(a: Piece, start: float, end: float, unseen: list[Piece]) -> bool:
+    """Whether a room in front of the gap ends unseen, so that nothing speaks against one wall."""
+    for q in unseen:
+        u = sorted(float(q.point(v, q.near) @ a.along) for v in (q.u0, q.u1))
+        before = float(q.point(q.u0, q.near) @ a.normal) - a.near
+        if q.normal @ a.normal > -OPPOSITE_COS and 0.0 <= before < HIDDEN_DEPTH_M and (
+            u[0] < start + LARGEST_GAP_M and u[1] > end - LARGEST_GAP_M
+        ):
+            return True
+    return False
 
 
 def _cross(a: Array, b: Array) -> float:

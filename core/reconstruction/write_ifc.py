@@ -16,10 +16,10 @@ from ... import __version__
 from ..files import whole_file
 from .building import BuiltSlab, BuiltStorey, BuiltWall, FitRecord, Reconstruction
 from .openings import Opening
+from .shapes import HIDDEN_EDGES, PSET_NAME
 
 Array = NDArray[np.float64]
 
-PSET_NAME = "BimVerify_Reconstruction"
 NAMESPACE = uuid.UUID("1c6a4b0e-6a0a-5d8e-9f0e-2f6f1f0f7b11")
 THROUGH_M = 0.05
 """An opening's body reaches this far out of its wall on both sides."""
@@ -159,6 +159,7 @@ class _Writer:
         self._place(hole, host_place, np.array([opening.u0, -deep / 2, opening.z0 - wall.base]))
         self._body(hole, self._extrude(self._rectangle(0.0, opening.width, 0.0, deep), 0.0, opening.height))
         f.create_entity("IfcRelVoidsElement", GlobalId=_new(), RelatingBuildingElement=host, RelatedOpeningElement=hole)
+        self._opening_pset(hole, wall, opening)
         if opening.kind == "opening":
             return None
         door = opening.kind == "door"
@@ -173,9 +174,20 @@ class _Writer:
         self._place(filling, hole.ObjectPlacement, np.array([0.0, THROUGH_M + (wall.thickness - deep) / 2, 0.0]))
         self._body(filling, *self._leaf(opening, deep, door))
         f.create_entity("IfcRelFillsElement", GlobalId=_new(), RelatingOpeningElement=hole, RelatedBuildingElement=filling)
-        fit = FitRecord(None, None, opening.quality, None, wall.fit.thickness_source)
-        self._pset(filling, fit)
+        self._opening_pset(filling, wall, opening)
         return filling
+
+    def _opening_pset(self, product: Any, wall: BuiltWall, opening: Opening) -> None:
+        """The set with what is known of the edges: what hid one makes its sigma large, and its name is said."""
+        start, end, *_ = opening.edge_sigma
+        fit = FitRecord(None, None, opening.quality, math.hypot(start, end) / 2, wall.fit.thickness_source)
+        names = ("StartEdgeSigma", "EndEdgeSigma", "SillSigma", "HeadSigma")
+        edges = {
+            name: self.file.create_entity("IfcLengthMeasure", float(sigma))
+            for name, sigma in zip(names, opening.edge_sigma, strict=True)
+        }
+        edges[HIDDEN_EDGES] = self.file.create_entity("IfcLabel", ", ".join(opening.hidden) or "none")
+        self._pset(product, fit, edges)
 
     def _leaf(self, opening: Opening, deep: float, door: bool) -> list[Any]:
         w, h, t = opening.width, opening.height, FRAME_M
@@ -260,7 +272,7 @@ class _Writer:
         position = self.file.create_entity("IfcAxis2Placement2D", self._point((x, y)), None)
         return self.file.create_entity("IfcCircleProfileDef", "AREA", None, position, float(radius))
 
-    def _pset(self, product: Any, fit: FitRecord) -> None:
+    def _pset(self, product: Any, fit: FitRecord, more: dict[str, Any] | None = None) -> None:
         f = self.file
         values = (
             ("FitMean", "IfcLengthMeasure", fit.fit_mean), ("FitSigma", "IfcLengthMeasure", fit.fit_sigma),
@@ -270,7 +282,7 @@ class _Writer:
         self._set(product, PSET_NAME, {
             name: f.create_entity(kind, value if isinstance(value, str) else float(value))
             for name, kind, value in values if value is not None and (isinstance(value, str) or math.isfinite(value))
-        } | {"Method": f.create_entity("IfcLabel", f"bim_verify {__version__}")})
+        } | (more or {}) | {"Method": f.create_entity("IfcLabel", f"bim_verify {__version__}")})
 
     def _common(self, product: Any, name: str, values: dict[str, bool]) -> None:
         self._set(product, name, {k: self.file.create_entity("IfcBoolean", v) for k, v in values.items()})
