@@ -1,14 +1,16 @@
 """How right and how fast is ``reconstruct``? Storeys made in code, furnished, scanned, and compared with their truth.
 
-    python scripts/bench_reconstruct.py [--cases flat,offices,slanted,two] [--seed 1]
+    python scripts/bench_reconstruct.py [--cases flat,offices,slanted,two] [--seed 1] [--step-deg 0.18]
+    python scripts/bench_reconstruct.py --cases r101,r102,r103,r104 --seed 5 --step-deg 0.3
 
 Scans: several stations inside, 2 mm noise, six boxes and two people, glass that passes rays. The methods were
-developed on these plans (seed 1), so other plans may do worse.
+developed on the named plans (seed 1) and on the drawn ones r1 to r4; r101 and up were drawn to score on.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import tempfile
 import time
 from dataclasses import replace
@@ -24,10 +26,11 @@ from bim_verify.core.reconstruction.compare import compare, comparison_lines  # 
 from bim_verify.core.reconstruction.shapes import read_shapes  # noqa: E402
 from bim_verify.core.reconstruction.write_ifc import write_reconstruction  # noqa: E402
 from bim_verify.core.simulation.campaign import Campaign, place_props, scan_to_files, set_up  # noqa: E402
+from bim_verify.core.simulation.random_storey import random_storey  # noqa: E402
 from bim_verify.core.simulation.scanner import PRESETS  # noqa: E402
 from bim_verify.core.simulation.scene import build_scene  # noqa: E402
 from bim_verify.core.simulation.storey_plans import flat, offices, slanted  # noqa: E402
-from bim_verify.core.simulation.storeys import write_building  # noqa: E402
+from bim_verify.core.simulation.storeys import PlannedStorey, write_building  # noqa: E402
 
 CASES = {
     "flat": ((flat,), 8.0, (0.0, 0.0), 0.0),
@@ -37,22 +40,34 @@ CASES = {
 }
 
 
+def case(name: str) -> tuple[list[PlannedStorey], float, tuple[float, float], float]:
+    """Storeys, turn [deg], shift [m] and elevation [m] of a named plan, or of plan N drawn by chance (rN)."""
+    if name in CASES:
+        plans, *place = CASES[name]
+        return [plan() for plan in plans], *place
+    if not (name.startswith("r") and name[1:].isdigit()):
+        raise SystemExit(f"No plan is named {name}; there are {', '.join(CASES)}, and r1, r2, ...")
+    number = int(name[1:])
+    return [random_storey(number)], float(37 * number % 90), (0.0, 0.0), 0.0
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", default=",".join(CASES))
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--step-deg", type=float, default=0.18)
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         for name in arguments.cases.split(","):
             truth, built, scan, found = (Path(folder) / f"{name}{end}" for end in ("_truth.ifc", ".ifc", ".e57", "_found.ifc"))
-            plans, turn, shift, level = CASES[name]
-            storeys = [plan() for plan in plans]
+            storeys, turn, shift, level = case(name)
             write_building(truth, storeys, turn_deg=turn, shift=shift, elevation=level, furniture=False)
             positions = write_building(built, storeys, turn_deg=turn, shift=shift, elevation=level)
             model = load_model(built)
             props = place_props(model, build_scene(model, {}, seed=arguments.seed), seed=arguments.seed, boxes=6, people=2)
             set_ups = tuple(set_up(f"S{k}", p - model.origin, arguments.seed, k) for k, p in enumerate(positions))
-            scanner = replace(PRESETS["fast"], sigma_range=0.002, sigma_signal=0.0)
+            step = math.radians(arguments.step_deg)
+            scanner = replace(PRESETS["fast"], angular_step=step, sigma_range=0.002, sigma_signal=0.0)
             campaign = Campaign(model, scanner, set_ups, {}, props, arguments.seed, glass="clear")
             written = scan_to_files(campaign, scan, None)
             begin = time.perf_counter()

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely import Polygon
 
+from ..planes.fit import Plane
 from .joins import Join
 from .openings import Opening
 
@@ -51,6 +52,8 @@ class BuiltWall:
     lean: float = 0.0
     """Of its faces from the vertical, rad."""
     lean_sigma: float = 0.0
+    planes: tuple[Plane, ...] = ()
+    """Its fitted faces, normals turned to those who saw them."""
 
     @property
     def length(self) -> float:

@@ -13,6 +13,7 @@ from shapely import Polygon
 from ..report.plain_page import Section, millimetres, percent, write_page
 from .building import ASSUMED, BuiltStorey, Reconstruction
 from .compare import Comparison
+from .dimensions import room_dimensions
 from .summary import summary_lines
 
 WIDTH = 760
@@ -46,6 +47,7 @@ def write_reconstruction_report(folder: str | Path, result: Reconstruction, comp
             ],
             numeric=frozenset({1, 2, 3, 4}),
         ))  # fmt: skip
+        sections.append(_dimensions(storey))
     if comparison is not None:
         sections.insert(0, Section(
             "Against the reference", f"Quality {comparison.quality:.3f}: 0 is equal, what has no partner counts 1.",
@@ -63,6 +65,33 @@ def write_reconstruction_report(folder: str | Path, result: Reconstruction, comp
     lines = summary_lines(result)
     meta = [("Scans", ", ".join(Path(p).name for p in result.scan_paths)), ("Notes", " ".join(lines[1:]))]
     return write_page(folder, "Reconstruction", "Scan to building model", lines[0], meta, sections)
+
+
+def _dimensions(storey: BuiltStorey) -> Section:
+    rows = []
+    for number, room in enumerate(storey.rooms, start=1):
+        found = room_dimensions(storey, room)
+        rows += [
+            (f"Room {number}", "width", _walls(w.walls), f"{w.distance.value:.4f} m", f"{1960 * w.distance.sigma:.1f}", "", "",
+             w.level)
+            for w in found.widths
+        ]
+        rows += [
+            (f"Room {number}", t.name, _walls(walls), f"{1000 * t.value:.1f} mm", f"{1960 * t.sigma:.1f}", f"{t.p_value:.3f}",
+             f"{1000 * t.limit:.0f}", "exceeded" if t.exceeds else "kept")
+            for walls, t in found.tests
+        ]
+    return Section(
+        f"{storey.name}: dimensions of rooms",
+        "As built, at 95 %. Plumb, right angles and parallels are offsets over the height or the shorter wall; p is that of no "
+        "deviation at all, the limit that of DIN 18202.",
+        columns=("Room", "What", "Walls", "Value", "± mm", "p", "Limit mm", "LOA, or limit"), rows=rows,
+        numeric=frozenset({3, 4, 5, 6}),
+    )  # fmt: skip
+
+
+def _walls(rows: tuple[int, ...]) -> str:
+    return ", ".join(str(k + 1) for k in rows)
 
 
 def _caption(storey: BuiltStorey) -> str:

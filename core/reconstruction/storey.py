@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from shapely import MultiPolygon, Polygon, union_all
 
 from ..planes.cloud import Cloud
-from ..planes.derived import plumb_deviation
+from ..planes.derived import Estimate, plumb_deviation
 from ..planes.fit import Plane, fit_plane
 from ..planes.noise import PointNoise
 from ..planes.surfels import Surfels
@@ -80,11 +80,13 @@ def reconstruct_storey(
     for w, j in zip(work, joined, strict=True):
         start_u = float(j.start @ w.line.along)
         openings = tuple(_moved(o, -start_u) for o in w.openings)
-        fit, lean, lean_sigma = _fit(cloud, w, band, noise)
+        fit, planes = _fit(cloud, w, band, noise)
+        lean = plumb_deviation(planes[0]) if planes else Estimate(0.0, 0.0)
         external = any(p.right < 0 for p in w.line.pieces)
         walls.append(
             BuiltWall(j.start, j.end, w.line.thickness, j.footprint, w.base, w.top, openings, j.joins,
-                      tuple(sorted(w.line.rooms)), external, fit, lean, lean_sigma)
+                      tuple(sorted(w.line.rooms)), external, fit, lean.value, lean.sigma,
+                      planes)
         )
     columns = []
     for room in rooms:
@@ -148,7 +150,7 @@ def _moved(o: Opening, by: float) -> Opening:
     return replace(o, u0=o.u0 + by, u1=o.u1 + by)
 
 
-def _fit(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> tuple[FitRecord, float, float]:
+def _fit(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> tuple[FitRecord, tuple[Plane, ...]]:
     planes: list[Plane] = []
     for side in work.sides:
         rows = side.row[side.on_face(band)]
@@ -164,13 +166,12 @@ def _fit(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> tuple[Fit
     holes = sum(o.width * o.height for o in work.openings) / work.raster.cell**2
     quality = min(1.0, solid / max(known.size - holes, 1.0))
     if not planes:
-        return FitRecord(None, None, quality, None, work.line.source), 0.0, 0.0
+        return FitRecord(None, None, quality, None, work.line.source), ()
     sigma = [p.position_sigma for p in planes]
     extra = work.line.thickness_sigma / 2
     position = float(np.hypot(np.sqrt(np.sum(np.square(sigma))) / len(sigma), extra))
-    lean = plumb_deviation(planes[0])
     record = FitRecord(
         float(np.mean([p.residual_mean for p in planes])), float(np.mean([p.residual_sigma for p in planes])), quality,
         position, work.line.source, sum(p.count for p in planes),
     )
-    return record, lean.value, lean.sigma
+    return record, tuple(planes)

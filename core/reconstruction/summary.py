@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from .building import ASSUMED, MEASURED, REVEAL, BuiltStorey, Reconstruction
+from .dimensions import dimensions_to_json, room_dimensions
 
 
 def summary_lines(result: Reconstruction) -> list[str]:
@@ -49,7 +50,8 @@ def _storey(s: BuiltStorey, origin: list[float]) -> dict[str, Any]:
         "name": s.name, "floor": s.floor + z, "ceiling": s.ceiling + z,
         "rooms": [
             {"area": r.outline.area, "floor": r.floor + z, "ceiling": r.ceiling + z,
-             "outline": [place(p) for p in list(r.outline.exterior.coords)[:-1]]}
+             "outline": [place(p) for p in list(r.outline.exterior.coords)[:-1]],
+             **dimensions_to_json(room_dimensions(s, r))}
             for r in s.rooms
         ],
         "walls": [

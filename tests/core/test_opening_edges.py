@@ -1,0 +1,83 @@
+"""Edges of a hole in a wall: seen, behind furniture, or seen by the reveal."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from shapely import box
+
+from bim_verify.core.planes.fit import fit_plane
+from bim_verify.core.planes.noise import PointNoise
+from bim_verify.core.reconstruction.building import BuiltRoom, BuiltStorey, BuiltWall, FitRecord
+from bim_verify.core.reconstruction.crossings import Crossings
+from bim_verify.core.reconstruction.dimensions import room_dimensions
+from bim_verify.core.reconstruction.openings import face_raster, find_openings
+
+BAND = 0.012
+HOLE = (1.0, 2.2, 0.9, 2.1)
+
+
+def rays(hidden: tuple[float, float, float, float] | None) -> Crossings:
+    """Rays at right angles to a wall of 4 m by 2.6 m with a hole; what hides stands 0.5 m before it."""
+    u, z = (v.ravel() for v in np.meshgrid(np.arange(0.005, 4.0, 0.01), np.arange(0.005, 2.6, 0.01)))
+    depth = np.random.default_rng(1).normal(0.0, 0.002, len(u))
+    depth[(u > HOLE[0]) & (u < HOLE[1]) & (z > HOLE[2]) & (z < HOLE[3])] = 3.0
+    if hidden is not None:
+        depth[(u > hidden[0]) & (u < hidden[1]) & (z > hidden[2]) & (z < hidden[3])] = -0.5
+    return Crossings(u, z, depth, u, z, np.arange(len(u)))
+
+
+def found(hidden: tuple[float, float, float, float] | None):  # type: ignore[no-untyped-def]
+    side = rays(hidden)
+    openings = find_openings(face_raster([side], (0.0, 4.0), (0.0, 2.6), BAND), [side], 0.0, 0.3, BAND, False)
+    assert len(openings) == 1
+    return openings[0]
+
+
+def test_edges_in_view_are_placed_to_millimetres() -> None:
+    opening = found(None)
+    assert opening.hidden == ()
+    assert (opening.u0, opening.u1, opening.z0, opening.z1) == pytest.approx(HOLE, abs=0.006)
+    assert max(opening.edge_sigma) < 0.005
+
+
+def test_an_edge_seen_only_above_a_cupboard_is_followed_there() -> None:
+    opening = found((1.5, 2.6, 0.0, 2.0))
+    assert "end" not in opening.hidden
+    assert opening.u1 == pytest.approx(HOLE[1], abs=0.01)
+
+
+def test_a_hidden_edge_is_said_to_be_and_its_sigma_covers_where_it_may_be() -> None:
+    opening = found((1.5, 3.0, 0.0, 2.6))
+    assert opening.hidden == ("end",)
+    assert opening.edge_sigma[1] == pytest.approx(1.5 / np.sqrt(12), rel=0.1)
+    assert abs(opening.u1 - HOLE[1]) < 2 * opening.edge_sigma[1]
+
+
+def test_widths_and_right_angles_of_a_room_with_their_uncertainty() -> None:
+    rng = np.random.default_rng(2)
+    station, size = np.array([2.0, 1.5, 1.5]), (4.0, 3.0, 2.5)
+    noise = PointNoise(0.003, 0.0, 1e-9)
+    walls = []
+    for axis, at in ((0, 0.0), (0, 4.0), (1, 0.0), (1, 3.0)):
+        points = rng.random((400, 3)) * size
+        points[:, axis] = at
+        if (axis, at) == (1, 3.0):
+            points[:, 1] += 0.02 * points[:, 0] / 4.0  # out of parallel by 20 mm over 4 m
+        ray = points - station
+        points += ray / np.linalg.norm(ray, axis=1, keepdims=True) * rng.normal(0.0, 0.003, (400, 1))
+        plane = fit_plane(points, station, noise).facing(station)
+        fit = FitRecord(None, None, 1.0, None, "ASSUMED")
+        walls.append(BuiltWall(
+            np.zeros(2), np.ones(2), 0.2, box(0, 0, 1, 1), 0.0, 2.5, (), (None, None), (0,), True, fit, planes=(plane,)
+        ))  # fmt: skip
+    room = BuiltRoom(box(0.0, 0.0, 4.0, 3.01), 0.0, 2.5, None)
+    result = room_dimensions(BuiltStorey("Storey", 0.0, 2.5, tuple(walls), (), (), (room,)), room)
+    (width,) = (w for w in result.widths if w.walls == (0, 1))
+    assert abs(width.distance.value - 4.0) < 3 * width.distance.sigma < 0.003
+    by_name = {(t.name, at): t for at, t in result.tests}
+    off = by_name["parallelism", (2, 3)]
+    assert off.p_value < 1e-3
+    assert off.exceeds and abs(off.value - 0.02) < 3 * off.sigma + 0.001
+    assert not by_name["plumb", (0,)].exceeds
+    assert not by_name["orthogonality", (0, 2)].exceeds
