@@ -82,7 +82,7 @@ def reconstruct_storey(
         openings = tuple(_moved(o, -start_u) for o in w.openings)
         fit, planes = _fit(cloud, w, band, noise)
         lean = plumb_deviation(planes[0]) if planes else Estimate(0.0, 0.0)
-        external = any(p.right < 0 for p in w.line.pieces)
+        external = all(p.right < 0 for p in w.line.pieces)
         walls.append(
             BuiltWall(j.start, j.end, w.line.thickness, j.footprint, w.base, w.top, openings, j.joins,
                       tuple(sorted(w.line.rooms)), external, fit, lean.value, lean.sigma,
