@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from shapely import box
 
 from bim_verify.core.planes.fit import fit_plane
 from bim_verify.core.planes.noise import PointNoise
-from bim_verify.core.reconstruction.building import BuiltRoom, BuiltStorey, BuiltWall, FitRecord
+from bim_verify.core.reconstruction.building import BuiltRoom, BuiltStorey, BuiltWall, FitRecord, Reconstruction
 from bim_verify.core.reconstruction.crossings import Crossings
 from bim_verify.core.reconstruction.dimensions import room_dimensions
 from bim_verify.core.reconstruction.openings import face_raster, find_openings
+from bim_verify.core.reconstruction.report import write_reconstruction_report
+from bim_verify.core.reconstruction.summary import reconstruction_to_json
 
 BAND = 0.012
 HOLE = (1.0, 2.2, 0.9, 2.1)
@@ -54,7 +58,7 @@ def test_a_hidden_edge_is_said_to_be_and_its_sigma_covers_where_it_may_be() -> N
     assert abs(opening.u1 - HOLE[1]) < 2 * opening.edge_sigma[1]
 
 
-def test_widths_and_right_angles_of_a_room_with_their_uncertainty() -> None:
+def test_widths_and_right_angles_of_a_room_with_their_uncertainty(tmp_path: Path) -> None:
     rng = np.random.default_rng(2)
     station, size = np.array([2.0, 1.5, 1.5]), (4.0, 3.0, 2.5)
     noise = PointNoise(0.003, 0.0, 1e-9)
@@ -72,7 +76,8 @@ def test_widths_and_right_angles_of_a_room_with_their_uncertainty() -> None:
             np.zeros(2), np.ones(2), 0.2, box(0, 0, 1, 1), 0.0, 2.5, (), (None, None), (0,), True, fit, planes=(plane,)
         ))  # fmt: skip
     room = BuiltRoom(box(0.0, 0.0, 4.0, 3.01), 0.0, 2.5, None)
-    result = room_dimensions(BuiltStorey("Storey", 0.0, 2.5, tuple(walls), (), (), (room,)), room)
+    storey = BuiltStorey("Storey", 0.0, 2.5, tuple(walls), (), (), (room,))
+    result = room_dimensions(storey, room)
     (width,) = (w for w in result.widths if w.walls == (0, 1))
     assert abs(width.distance.value - 4.0) < 3 * width.distance.sigma < 0.003
     by_name = {(t.name, at): t for at, t in result.tests}
@@ -81,3 +86,10 @@ def test_widths_and_right_angles_of_a_room_with_their_uncertainty() -> None:
     assert off.exceeds and abs(off.value - 0.02) < 3 * off.sigma + 0.001
     assert not by_name["plumb", (0,)].exceeds
     assert not by_name["orthogonality", (0, 2)].exceeds
+    whole = Reconstruction(np.zeros(3), (storey,), 1600, 1, ("room.e57",))
+    page = write_reconstruction_report(tmp_path / "report", whole, None).read_text(encoding="utf-8")
+    assert "parallelism" in page and "exceeded" in page
+    (told,) = reconstruction_to_json(whole)["storeys"][0]["rooms"]
+    assert len(told["widths"]) == 2
+    low, high = told["widths"][0]["interval_95"]
+    assert low < told["widths"][0]["width"] < high
