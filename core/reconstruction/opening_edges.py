@@ -27,6 +27,8 @@ REVEAL_BIN_M = 0.01
 LEAST_REVEAL_RETURNS = 30
 REVEAL_SPAN_M = (0.03, 0.2)
 """A reveal reaches at least this deep, and this far along the edge."""
+REVEAL_BEGIN_M = 0.027
+"""It begins at the face; the side of a frame, or a leaf that stands open, begins deeper."""
 
 
 @dataclass(frozen=True)
@@ -127,6 +129,8 @@ def reveal_edge(
     best = int(np.argmax(np.convolve(bins, np.ones(2), mode="valid"))) if len(bins) > 1 else 0
     here = own & (np.abs(end - low - (best + 1) * REVEAL_BIN_M) < REVEAL_BIN_M)
     if here.sum() < max(LEAST_REVEAL_RETURNS, 0.3 * own.sum()):
+        return None
+    if np.quantile(depth[here], 0.05) > REVEAL_BEGIN_M:
         return None
     spans = [np.subtract(*np.quantile(v[here], (0.95, 0.05))) for v in (depth, along_edge)]
     if spans[0] < REVEAL_SPAN_M[0] or spans[1] < REVEAL_SPAN_M[1]:

@@ -13,6 +13,7 @@ from bim_verify.core.planes.noise import PointNoise
 from bim_verify.core.reconstruction.building import BuiltRoom, BuiltStorey, BuiltWall, FitRecord, Reconstruction
 from bim_verify.core.reconstruction.crossings import Crossings
 from bim_verify.core.reconstruction.dimensions import room_dimensions
+from bim_verify.core.reconstruction.opening_edges import reveal_edge
 from bim_verify.core.reconstruction.openings import face_raster, find_openings
 from bim_verify.core.reconstruction.report import write_reconstruction_report
 from bim_verify.core.reconstruction.summary import reconstruction_to_json
@@ -56,6 +57,18 @@ def test_a_hidden_edge_is_said_to_be_and_its_sigma_covers_where_it_may_be() -> N
     assert opening.hidden == ("end",)
     assert opening.edge_sigma[1] == pytest.approx(1.5 / np.sqrt(12), rel=0.1)
     assert abs(opening.u1 - HOLE[1]) < 2 * opening.edge_sigma[1]
+
+
+def test_an_open_leaf_is_no_reveal() -> None:
+    rng = np.random.default_rng(3)
+    z, noise = rng.uniform(0.0, 2.0, 400), rng.normal(0.0, 0.002, 400)
+    inside = np.ones(400, dtype=np.bool_)
+    for begin, expected in ((0.013, 1.0), (0.05, None)):
+        place = reveal_edge(1.0 + noise, z, rng.uniform(begin, 0.2, 400), inside, (0.9, 1.3), 0.24)
+        assert (place is None) == (expected is None)
+        if place is not None and expected is not None:
+            assert place.seen
+            assert place.at == pytest.approx(expected, abs=0.002)
 
 
 def test_widths_and_right_angles_of_a_room_with_their_uncertainty(tmp_path: Path) -> None:
