@@ -249,8 +249,8 @@ def _refined(
     if down and z1 - z0 > DOOR_HEIGHT_M:
         kind = "door" if filled else "opening"
     hidden = tuple(name for name, e in zip(SIDES, found, strict=True) if not e.seen)
-    start, end, sill, head = (e.sigma for e in found)
-    return Opening(u0, u1, z0, z1, kind, filled, quality, (start, end, sill, head), hidden)
+    sigmas = found[0].sigma, found[1].sigma, found[2].sigma, found[3].sigma
+    return Opening(u0, u1, z0, z1, kind, filled, quality, sigmas, hidden)
 
 
 def _brackets(raster: FaceRaster, rectangle: tuple[int, int, int, int]) -> list[tuple[float, float]]:
