@@ -41,7 +41,8 @@ def random_storey(seed: int) -> PlannedStorey:
     rng = np.random.default_rng(seed)
     wide, deep = float(rng.uniform(8.5, 14.0)), float(rng.uniform(6.5, 10.0))
     height, thick = float(rng.uniform(2.4, 3.1)), float(rng.uniform(0.24, 0.42))
-    rooms, walls = [_Room(0.0, 0.0, wide, deep)], []
+    rooms = [_Room(0.0, 0.0, wide, deep)]
+    walls: list[PlannedWall] = []
     while True:
         large = [r for r in rooms if r.size[0] * r.size[1] > LARGEST_ROOM_M2 and not r.fixed]
         if not large:
@@ -126,7 +127,7 @@ def _outer_openings(
 
 def _furniture(room: _Room, rng: np.random.Generator) -> list[Furniture]:
     """Boxes against the walls and one in the room, clear of its doors."""
-    out = []
+    out: list[Furniture] = []
     for _ in range(int(rng.integers(2, 5))):
         long, depth, tall = float(rng.uniform(0.6, 1.8)), float(rng.uniform(0.3, 0.7)), float(rng.uniform(0.5, 2.1))
         side = int(rng.integers(4))
