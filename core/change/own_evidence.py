@@ -160,7 +160,7 @@ def clearly_inside(
     """(M,) whether each beam's middle crosses its element's face well inside the outline, registration counted."""
     sample = seen.sample.astype(np.int64)
     normal, position = samples.normal[sample], samples.position[sample]
-    place = crossings(seen, stations, position, normal)
+    place = crossings(seen, stations[seen.station], position, normal)
     beam = BEAM_EXIT_RADIUS_M + BEAM_SPREAD_RAD * seen.distance.astype(np.float64)
     margin = WELL_INSIDE * beam + 2.0 * registration_sigma
     up = np.where((np.abs(normal[:, 2]) < 0.9)[:, None], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])

@@ -245,6 +245,7 @@ def a_sighting(sample: int, point: np.ndarray) -> Sightings:
         cosine=one.astype(np.float32), distance=np.full(1, 2.0, np.float32), point=point[None].astype(np.float32),
         glass=np.zeros(1, np.bool_), log_masses=np.zeros((1, 3)), on_face=np.ones(1, np.bool_),
         face_normal=np.zeros((1, 3), np.float32), residual=-one, explained=np.zeros(1, np.bool_),
+        photo=np.zeros((1, 0)),
     )
 
 
