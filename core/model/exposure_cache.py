@@ -13,7 +13,7 @@ from ..files import whole_file
 from .elements import BuildingModel
 from .tessellation_cache import KEEP_FILES, folder
 
-FORMAT = 1
+FORMAT = 2
 """Raised whenever the positions, or what makes one exposed, change."""
 
 

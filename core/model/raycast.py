@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,9 @@ class RayScene:
             corners = np.where(np.isfinite(moved), moved, 1e6)
         corners = np.ascontiguousarray(corners, dtype=np.float32)
         self._mesh = TriangleMesh(self._scene, corners)
+        self._corners = corners
+        self._start = model.triangle_start
+        self._alone: dict[int, Any] = {}
         a, b, c = (model.vertices[model.triangles[:, i]] for i in range(3))
         normal = np.cross(b - a, c - a)
         self.normal: NDArray[np.float64] = normal / np.linalg.norm(normal, axis=1, keepdims=True)
@@ -64,6 +68,38 @@ class RayScene:
         )
         triangle = out["primID"].astype(np.int32)
         return np.where(triangle >= 0, out["tfar"], np.float32(np.inf)), triangle
+
+    def leaves(
+        self, element: NDArray[np.integer], origin: NDArray[np.floating], direction: NDArray[np.floating]
+    ) -> NDArray[np.bool_]:
+        """(N,) whether a ray's first meeting with ``element`` (N,), looked at alone, is from its inside.
+
+        In the whole scene a ray meets only one of two faces that lie in each other, and may so miss where it entered.
+        """
+        out = np.zeros(len(element), dtype=np.bool_)
+        order = np.argsort(element, kind="stable")
+        for rows in np.split(order, np.flatnonzero(np.diff(element[order])) + 1):
+            if not len(rows):
+                continue
+            one = int(element[rows[0]])
+            first = self._scene_of(one).run(
+                np.ascontiguousarray(origin[rows], dtype=np.float32),
+                np.ascontiguousarray(direction[rows], dtype=np.float32), query="INTERSECT",
+            )
+            normal = self.normal[self._start[one] + np.maximum(first, 0)]
+            out[rows] = (first >= 0) & (np.einsum("ij,ij->i", direction[rows], normal) > 0)
+        return out
+
+    def _scene_of(self, element: int) -> Any:
+        """Embree's scene of one element alone, and its mesh, which must live as long."""
+        from embreex import rtcore_scene
+        from embreex.mesh_construction import TriangleMesh
+
+        if element not in self._alone:
+            scene = rtcore_scene.EmbreeScene()
+            own = slice(self._start[element], self._start[element + 1])
+            self._alone[element] = (scene, TriangleMesh(scene, np.ascontiguousarray(self._corners[own])))
+        return self._alone[element][0]
 
     def all_hits(
         self,

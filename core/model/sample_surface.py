@@ -118,7 +118,9 @@ def _exposed_part(
         first_of_it = np.ones(len(position), dtype=np.bool_)
         for j in range(k):
             first_of_it &= np.where(hits.triangle[j] >= 0, scene.element[hits.triangle[j]], -1) != other
-        leaves = foreign & first_of_it & ~hits.entering[k] & model.closed[np.maximum(other, 0)]
+        leaves = foreign & first_of_it & ~hits.entering[k] & model.closed[np.maximum(other, 0)] & ~hidden
+        row = np.flatnonzero(leaves)
+        leaves[row] = scene.leaves(other[row], origin[row], normal[row])
         touches = foreign & hits.entering[k] & (hits.distance[k] < CONTACT_GAP_M) if k == 0 else False
         hidden |= leaves | touches
 

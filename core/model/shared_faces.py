@@ -58,6 +58,8 @@ def inside_another(
     for triangle, entering in zip(hits.triangle, hits.entering, strict=True):
         other = np.where(triangle >= 0, scene.element[np.maximum(triangle, 0)], -1)
         first = np.all([other != earlier for earlier in met], axis=0)
-        inside |= (other >= 0) & (other != element) & first & ~entering & model.closed[np.maximum(other, 0)]
+        found = (other >= 0) & (other != element) & first & ~entering & model.closed[np.maximum(other, 0)] & ~inside
+        row = np.flatnonzero(found)
+        inside[row] = scene.leaves(other[row], point[row], direction[row])
         met.append(other)
     return inside
