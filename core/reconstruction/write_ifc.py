@@ -51,7 +51,6 @@ def building_file(result: Reconstruction) -> Any:
 
 class _Writer:
     def __init__(self, result: Reconstruction) -> None:
-        import ifcopenshell.api.aggregate
         import ifcopenshell.api.context
         import ifcopenshell.api.project
         import ifcopenshell.api.root
@@ -76,26 +75,25 @@ class _Writer:
         )
         site = self.api.root.create_entity(f, "IfcSite", name="Site")
         self.building = self.api.root.create_entity(f, "IfcBuilding", name="Scanned building")
-        self.api.aggregate.assign_object(f, products=[site], relating_object=self.project)
-        self.api.aggregate.assign_object(f, products=[self.building], relating_object=site)
+        self._aggregate(self.project, [site])
+        self._aggregate(site, [self.building])
         self.site_place = self._place(site, None, np.append(result.origin[:2], 0.0))
         self.building_place = self._place(self.building, self.site_place, np.zeros(3))
 
     def build(self) -> None:
         """All storeys, then stable GlobalIds."""
-        for storey in self.result.storeys:
-            self._storey(storey)
         import ifcopenshell.guid
+
+        self._aggregate(self.building, [self._storey(storey) for storey in self.result.storeys])
 
         for number, root in enumerate(sorted(self.file.by_type("IfcRoot"), key=lambda e: e.id())):
             name = f"{number} {self.result.returns} {self.result.origin.tolist()}"
             root.GlobalId = ifcopenshell.guid.compress(uuid.uuid5(NAMESPACE, name).hex)
 
-    def _storey(self, built: BuiltStorey) -> None:
+    def _storey(self, built: BuiltStorey) -> Any:
         f = self.file
         storey = self.api.root.create_entity(f, "IfcBuildingStorey", name=built.name)
         storey.Elevation = float(built.floor + self.result.origin[2])
-        self.api.aggregate.assign_object(f, products=[storey], relating_object=self.building)
         elevation = float(built.floor + self.result.origin[2])
         place = self._place(storey, self.building_place, np.array([0.0, 0.0, elevation]))
         contained, spaces = [], []
@@ -119,12 +117,18 @@ class _Writer:
             self._body(space, self._extrude(self._profile(room.outline), room.floor - built.floor, room.ceiling - room.floor))
             self._quantities(space, room.outline, room.ceiling - room.floor)
             spaces.append(space)
-        if spaces:
-            self.api.aggregate.assign_object(f, products=spaces, relating_object=storey)
+        self._aggregate(storey, spaces)
         if contained:
-
-            self.api.spatial.assign_container(f, products=contained, relating_structure=storey)
+            f.create_entity(
+                "IfcRelContainedInSpatialStructure", GlobalId=_new(), RelatedElements=contained, RelatingStructure=storey
+            )
         self._connect(built, walls)
+        return storey
+
+    def _aggregate(self, whole: Any, parts: list[Any]) -> None:
+        """The parts, in this order; ifcopenshell's own call relates and places them in an order of chance."""
+        if parts:
+            self.file.create_entity("IfcRelAggregates", GlobalId=_new(), RelatingObject=whole, RelatedObjects=parts)
 
     def _wall(self, wall: BuiltWall, name: str, storey_place: Any, floor: float) -> tuple[Any, list[Any]]:
         f = self.file

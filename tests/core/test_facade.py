@@ -14,7 +14,7 @@ from bim_verify.core.facade.classify import floors, group_types, kind_of
 from bim_verify.core.facade.correct import corrected
 from bim_verify.core.facade.find_facade import find_corners
 from bim_verify.core.facade.footprint import read_footprint
-from bim_verify.core.facade.mockup import mockup, write_mockup
+from bim_verify.core.facade.mockup import mockup, mockup_file, write_mockup
 from bim_verify.core.facade.records import Facade, FacadeBox
 from bim_verify.core.facade.rectify import aspect_ratio, order_corners
 from bim_verify.core.facade.report import facade_to_plain
@@ -167,6 +167,23 @@ def test_the_same_photo_gives_the_same_file(tmp_path: Path) -> None:
     for name in ("a.ifc", "b.ifc"):
         write_mockup(tmp_path / name, mockup([box_facade()]), "same.ifc")
     assert (tmp_path / "a.ifc").read_bytes() == (tmp_path / "b.ifc").read_bytes()
+
+
+def test_no_order_of_chance_in_the_file() -> None:
+    """Entities hash by the place of their file in memory: several files that live at once are at several places."""
+    corners = read_footprint("0,0 10,0 10,8 0,8")
+    files = [mockup_file(mockup([box_facade(), box_facade(8.0)], corners)) for _ in range(4)]
+    first = files[0].to_string().split("DATA;")[1]
+    assert all(f.to_string().split("DATA;")[1] == first for f in files[1:])
+    (storeys,) = (r for r in files[0].by_type("IfcRelAggregates") if r.RelatingObject.is_a("IfcBuilding"))
+    assert [s.Name for s in storeys.RelatedObjects] == ["Storey 0", "Storey 1"]
+    for contained in files[0].by_type("IfcRelContainedInSpatialStructure"):
+        numbers = [e.id() for e in contained.RelatedElements]
+        assert numbers == sorted(numbers)
+        for element in contained.RelatedElements:
+            fills = getattr(element, "FillsVoids", ())
+            parent = fills[0].RelatingOpeningElement if fills else contained.RelatingStructure
+            assert element.ObjectPlacement.PlacementRelTo == parent.ObjectPlacement
 
 
 def test_a_corrected_mockup_has_the_new_boxes() -> None:
