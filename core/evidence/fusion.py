@@ -68,8 +68,8 @@ def from_log_commonality(
     """
     peak = np.maximum(log_occ, log_emp)
     u = np.exp(log_unk - peak)
-    occ = np.exp(log_occ - peak) - u
-    emp = np.exp(log_emp - peak) - u
+    occ = np.maximum(np.exp(log_occ - peak) - u, 0.0)  # no mass is negative, not even by round-off
+    emp = np.maximum(np.exp(log_emp - peak) - u, 0.0)
     total = occ + emp + u
     masses = np.stack([occ, emp, u], axis=-1) / total[..., None]
     return masses, np.clip(1.0 - total * np.exp(peak), 0.0, 1.0)

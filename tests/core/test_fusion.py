@@ -80,6 +80,15 @@ def test_log_commonalities_bear_thousands_of_bodies() -> None:
     assert contradiction[0] == pytest.approx(1.0)
 
 
+def test_round_off_makes_no_mass_negative() -> None:
+    sure = np.random.default_rng(3).uniform(0.0, 0.4, (40, 500))
+    bodies = np.stack([sure, np.zeros_like(sure), 1.0 - sure], axis=-1)  # nothing says empty
+    log_occ, log_emp, log_unk = logs(bodies)
+    fused, _ = from_log_commonality(log_occ, log_emp - 1e-16 * np.abs(log_emp), log_unk)
+    assert fused.min() >= 0.0
+    assert not np.signbit(fused).any()
+
+
 def test_conflict_of_two_bodies() -> None:
     first, second = np.array([0.6, 0.1, 0.3]), np.array([0.2, 0.5, 0.3])
     assert conflict(first, second) == pytest.approx(0.6 * 0.5 + 0.1 * 0.2)
