@@ -141,5 +141,6 @@ def shoot(path: Path) -> None:
     picture.thumbnail(SIZE)
     picture.save(path, optimize=True)
     if path.stat().st_size > LARGEST:
-        picture.quantize(128, dither=Image.Dither.NONE).save(path, optimize=True)
+        # Colours that few pixels have are kept, too: a legend's ramp is small.
+        picture.quantize(256, method=Image.Quantize.MAXCOVERAGE, kmeans=2).save(path, optimize=True)
     print(path, flush=True)
