@@ -44,8 +44,7 @@ def trace_face(points: Array) -> Face:
     z = points[:, 2]
     edges = np.arange(z.min(), z.max() + FACE_BIN_M, FACE_BIN_M)
     index = np.clip(np.digitize(z, edges) - 1, 0, len(edges) - 1)
-    order = np.lexsort((points[:, 1], index))
-    keys, first, count = np.unique(index[order], return_index=True, return_counts=True)
+    order, keys, first, count = _by_strip(points[:, 1], index)
     middle = points[order, 1][first + count // 2]
     height = edges[keys] + FACE_BIN_M / 2
     reach = 2
@@ -56,14 +55,24 @@ def trace_face(points: Array) -> Face:
     residual = points[:, 1] - np.interp(z, height, running)
     front = residual[(residual > 0) & (residual < 0.05)]
     noise = max(1.4826 * float(np.median(front)) if len(front) else 0.0, LEAST_NOISE_M)
-    relief = _dominant_depth(residual, index, keys)
+    relief = _dominant_depth(residual, index)
     return Face(height, running, residual, relief + max(2.0 * noise, 0.002), noise)
 
 
-def _dominant_depth(residual: Array, strip: NDArray[np.int64], keys: NDArray[np.int64]) -> float:
+def _by_strip(
+    values: Array, strip: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Order by strip and value; the strips that have values, where each begins in that order, and its count."""
+    share = (values - values.min()) / (2.0 * np.ptp(values) + 1e-12)
+    order = np.argsort(strip + share)
+    count = np.bincount(strip)
+    keys = np.flatnonzero(count)
+    return order, keys, (np.cumsum(count) - count)[keys], count[keys]
+
+
+def _dominant_depth(residual: Array, strip: NDArray[np.int64]) -> float:
     """How far behind the face the relief of most strips goes: the median of the strips' lower ends."""
-    order = np.lexsort((residual, strip))
-    _, first, count = np.unique(strip[order], return_index=True, return_counts=True)
+    order, _, first, count = _by_strip(residual, strip)
     ends = residual[order][first + (count * 0.03).astype(np.int64)]
     return float(max(-np.median(ends[count >= min(10, count.max())]), 0.0))
 

@@ -22,6 +22,8 @@ SLOPES = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0)
 """Height of a flank over its depth; 0: a sharp edge."""
 DEPTH_STEP_M, DEEPEST_M = 0.002, 0.04
 STEP_M, COARSE_STEP_M = 0.0002, 0.001
+NOT_UNLIKELY = 30.0
+"""Places whose likelihood is below exp(-30) of the best one's add nothing to the mean; they are looked at in coarse steps only."""
 BLOCKS = 8
 BLOCK_REACH_M = 0.008
 MOST_SAMPLES, ENOUGH_FOR_SHAPE = 12_000, 500
@@ -73,56 +75,73 @@ def choose_flank(samples: Sequence[Samples], low: float, high: float) -> Flank:
     thinned = [_thinned(s, ENOUGH_FOR_SHAPE) for s in samples]
     places = np.arange(low, high + COARSE_STEP_M, COARSE_STEP_M)
     shallowest = max((s.relief for s in thinned), default=0.004)
+    depths = np.arange(shallowest, max(DEEPEST_M, shallowest) + 1e-9, DEPTH_STEP_M)
+    total = np.zeros((len(depths), len(SLOPES)))
+    for one in thinned:
+        total += _unlikeliness(
+            places, depths, np.array(SLOPES), one.rise, one.v, one.depth, one.noise, one.relief, one.rough, one.deepest
+        )
     best, least = Flank(shallowest, 0.0), math.inf
-    for depth in np.arange(shallowest, max(DEEPEST_M, shallowest) + 1e-9, DEPTH_STEP_M):
-        for slope in SLOPES:
-            flank = Flank(float(depth), slope)
-            total = 0.0
-            for one in thinned:
-                cost = _cost_of(places, flank, one, np.ones(len(one.v)))
-                total -= math.log(np.mean(np.exp(cost.min() - cost))) - float(cost.min())
-            if total < least - 1e-9:
-                best, least = flank, total
+    for (row, column), cost in np.ndenumerate(total):
+        if cost < least - 1e-9:
+            best, least = Flank(float(depths[row]), SLOPES[column]), float(cost)
     return best
 
 
 def fit_edge(samples: Samples, flank: Flank, low: float, high: float) -> Edge:
     """The edge, looked for from ``low`` to ``high`` [m]: mean and spread of its likelihood."""
     samples = _thinned(samples, MOST_SAMPLES)
+    coarse = np.arange(low, high + COARSE_STEP_M, COARSE_STEP_M)
+    cost = _cost_of(coarse, flank, samples)
+    likely = coarse[cost < cost.min() + NOT_UNLIKELY]
     places = np.arange(low, high + STEP_M, STEP_M)
-    at, own = _moments(places, _cost_of(places, flank, samples, np.ones(len(samples.v))))
-    near = np.arange(at - BLOCK_REACH_M, at + BLOCK_REACH_M + 1e-9, STEP_M)
+    places = places[(places > likely[0] - BLOCK_REACH_M) & (places < likely[-1] + BLOCK_REACH_M)]
     rank = np.empty(len(samples.x), np.int64)
     rank[np.argsort(samples.x, kind="stable")] = np.arange(len(rank))
     block = rank * BLOCKS // max(len(rank), 1)
-    without = [
-        _moments(near, _cost_of(near, flank, samples, (block != k).astype(np.float64)))[0] for k in range(BLOCKS)
-    ]
+    parts = np.stack([_cost_of(places, flank, _rows_of(samples, block == k)) for k in range(BLOCKS)])
+    whole = parts.sum(axis=0)
+    at, own = _moments(places, whole)
+    near = np.abs(places - at) <= BLOCK_REACH_M
+    without = [_moments(places[near], (whole - part)[near])[0] for part in parts]
     spread = float(np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((np.array(without) - np.mean(without)) ** 2)))
     return Edge(at, math.sqrt(max(spread, own) ** 2 + STEP_M**2 / 12.0))
 
 
-def _cost_of(places: Array, flank: Flank, samples: Samples, weight: Array) -> Array:
-    # rays that climb away from the slope see less of it
-    height = max((flank.slope - samples.rise) * flank.depth, 0.0) if flank.slope > 0 else 0.0
-    reach = max(samples.deepest, flank.depth) + 0.02
+def _cost_of(places: Array, flank: Flank, samples: Samples) -> Array:
     return np.asarray(
         _costs(
-            places, height, flank.depth, samples.v, samples.depth, weight,
-            samples.noise, samples.relief, samples.rough, reach, CHANCE_OF_STRAY,
+            places, flank.slope, flank.depth, samples.rise, samples.v, samples.depth,
+            samples.noise, samples.relief, samples.rough, samples.deepest,
         )
     )
 
 
 @njit(cache=True, nogil=True)
-def _costs(places, height, deep, v, depth, weight, noise, relief, rough, reach, stray):  # type: ignore[no-untyped-def]
+def _unlikeliness(places, depths, slopes, rise, v, depth, noise, relief, rough, deepest):  # type: ignore[no-untyped-def]
+    """(D, S) negative log of the likelihood of one edge's samples, all places being equally likely, per depth and slope."""
+    out = np.zeros((depths.size, slopes.size))
+    for i in range(depths.size):
+        for j in range(slopes.size):
+            cost = _costs(places, slopes[j], depths[i], rise, v, depth, noise, relief, rough, deepest)
+            least = cost.min()
+            out[i, j] = least - math.log(np.mean(np.exp(least - cost)))
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _costs(places, slope, deep, rise, v, depth, noise, relief, rough, deepest):  # type: ignore[no-untyped-def]
     """Negative log likelihood of the depths for each place of the corner; ``v`` ascending.
 
-    On the face and the slope: Laplace noise, relief of the face, strays. In the gap: any depth from ``deep`` to ``reach``.
+    On the face and the slope: Laplace noise, relief of the face, strays. In the gap: any depth from ``deep`` to as far as
+    beams go.
     """
-    log_noise = math.log(2.0 * noise / (1.0 - rough - stray))
+    # rays that climb away from the slope see less of it
+    height = max((slope - rise) * deep, 0.0) if slope > 0 else 0.0
+    reach = max(deepest, deep) + 0.02
+    log_noise = math.log(2.0 * noise / (1.0 - rough - CHANCE_OF_STRAY))
     log_relief = math.log(max(relief, noise) / max(rough, 1e-9))
-    log_stray = math.log(reach / stray)
+    log_stray = math.log(reach / CHANCE_OF_STRAY)
     log_gap = math.log(max(reach - deep, 1e-3))
     size = v.size
     before = np.zeros(size + 1)  # cost of all samples to the left, on the face
@@ -132,8 +151,8 @@ def _costs(places, height, deep, v, depth, weight, noise, relief, rough, reach, 
         if 0.0 <= depth[i] <= relief:
             on_face = min(on_face, log_relief)
         in_gap = min(max(deep - depth[i], 0.0) / noise + log_gap, log_stray)
-        before[i + 1] = before[i] + weight[i] * on_face
-        after[i + 1] = after[i] + weight[i] * in_gap
+        before[i + 1] = before[i] + on_face
+        after[i + 1] = after[i] + in_gap
     out = np.zeros(places.size)
     for k in range(places.size):
         low = np.searchsorted(v, places[k], side="right")
@@ -143,7 +162,7 @@ def _costs(places, height, deep, v, depth, weight, noise, relief, rough, reach, 
             own = min(abs(depth[i] - deep * (v[i] - places[k]) / height) / noise + log_noise, log_stray)
             if 0.0 <= depth[i] <= relief:
                 own = min(own, log_relief)
-            total += weight[i] * own
+            total += own
         out[k] = total
     return out
 
@@ -159,5 +178,8 @@ def _moments(places: Array, cost: Array) -> tuple[float, float]:
 def _thinned(samples: Samples, most: int) -> Samples:
     """At most so many samples as needed, by ascending v."""
     rows = spread_rows(len(samples.v), most)
-    rows = rows[np.argsort(samples.v[rows], kind="stable")]
+    return _rows_of(samples, rows[np.argsort(samples.v[rows], kind="stable")])
+
+
+def _rows_of(samples: Samples, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Samples:
     return replace(samples, v=samples.v[rows], depth=samples.depth[rows], x=samples.x[rows])
