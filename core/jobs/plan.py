@@ -21,6 +21,7 @@ from ..planning.forecast import forecast
 from ..planning.options import PlanOptions
 from ..planning.quick_start import quick_start
 from ..planning.results import PlanResult, PlanStation
+from ..planning.second_look import SecondLook, Views
 from ..planning.targets import Targets, choose_elements, pick_targets
 from ..planning.visibility import Requirement, registrable, view_matrix
 from ..progress import Progress
@@ -39,6 +40,8 @@ SAFETY = 0.03
 LEAST_REACHABLE = 0.02
 LINK_THINNER = 4.0
 SAME_PLACE_M = 0.05
+MOST_LOOKS = 4
+"""Solutions that are looked at on a second set of points."""
 
 
 def plan(
@@ -136,17 +139,21 @@ def _plan(site: _Site, options: PlanOptions, scanner: Scanner, progress: Progres
     # stations are registered by all that they see in common, whether the plan asks for it or not
     common = pick_targets(site.samples, np.ones(len(model.elements), np.bool_), thinner=LINK_THINNER)
     scans_share = view_matrix(site.scene, positions, common, scanner, registrable(scanner), progress.part(0.6, 0.8))
-    problem = make_problem(
-        sees, targets.area, targets.element, aim, range(known), shared_enough(scans_share, common.area, options.overlap)
+    linked = shared_enough(scans_share, common.area, options.overlap)
+    everything = pick_targets(site.samples, np.ones(len(model.elements), np.bool_), offset=1)
+    seen_already = np.zeros(len(everything), np.bool_)
+    if isinstance(site.quality, QualityResult):
+        seen_already = start_from(site.quality, everything, need).good
+    look = SecondLook(
+        site.scene, scanner, need, everything, seen_already, positions, known,
+        np.where(site.chosen, target * area, 0.0), aim,
     )
-    problem = _linked_to_known(problem)
-    chosen, heuristic, least, optimal = _solve(problem, site, positions, targets, scanner, need, options)
+    views = Views(sees, targets.area, targets.element, aim)
+    problem, chosen, heuristic, least = _solved(views, look, linked, site, targets, options)
     watch.lap("solving")
     new = [c for c in chosen if c >= known]
     watch_order = _in_order(problem, new, known)
     stations = tuple(_stations(site, existing, problem, sees, targets, watch_order, known, positions, scanner, options))
-    everything = pick_targets(site.samples, np.ones(len(model.elements), np.bool_), offset=1)
-    seen_already = start_from(site.quality, everything, need).good if isinstance(site.quality, QualityResult) else None
     forecasts = forecast(
         model, site.samples, site.scene, everything, positions[watch_order], scanner, options, site.chosen, reach, target,
         seen_already,
@@ -154,8 +161,8 @@ def _plan(site: _Site, options: PlanOptions, scanner: Scanner, progress: Progres
     watch.lap("forecast")
     return PlanResult(
         model=model, options=options, scanner=scanner, stations=stations, existing=existing.names if existing else (),
-        forecasts=tuple(forecasts), least=least, optimal=optimal, places=len(site.stands.position), heuristic=heuristic,
-        method=f"bim_verify {__version__} plan", timings=dict(watch.seconds),
+        forecasts=tuple(forecasts), least=least, optimal=len(new) <= least, places=len(site.stands.position),
+        heuristic=heuristic, method=f"bim_verify {__version__} plan", timings=dict(watch.seconds),
         warnings=tuple(_warnings(problem, chosen, site, reach)),
     )
 
@@ -170,14 +177,36 @@ def _linked_to_known(problem: CoverProblem) -> CoverProblem:
     return replace(problem, linked=linked)
 
 
+def _solved(
+    views: Views, look: SecondLook, linked: NDArray[np.bool_], site: _Site, targets: Targets, options: PlanOptions
+) -> tuple[CoverProblem, list[int], int, int]:
+    """(problem, places, size of the heuristic's solution, least possible size), new places counted.
+
+    What falls short on the second set of points joins the problem with it. The bound is that of the problem before: what
+    joins can only ask for more.
+    """
+    joined = np.zeros(len(look.target), np.bool_)
+    least = None
+    for _ in range(MOST_LOOKS):
+        problem = make_problem(views.sees, views.area, views.element, views.need, range(look.known), linked)
+        problem = _linked_to_known(problem)
+        chosen, heuristic, bound = _solve(problem, site, look, targets, options)
+        least = bound if least is None else least
+        short = look.lacking(chosen) & ~joined
+        if not short.any():
+            break
+        joined |= short
+        views = look.join(views, short)
+    return problem, chosen, heuristic, min(least or 0, sum(c >= look.known for c in chosen))
+
+
 def _solve(
-    problem: CoverProblem, site: _Site, positions: Array, targets: Targets, scanner: Scanner, need: Requirement,
-    options: PlanOptions,
-) -> tuple[list[int], int, int, bool]:
-    """(places, size of the heuristic's solution, least possible size, proven) with the new places counted."""
+    problem: CoverProblem, site: _Site, look: SecondLook, targets: Targets, options: PlanOptions
+) -> tuple[list[int], int, int]:
+    """(places, size of the heuristic's solution, least possible size) with the new places counted."""
     starts: list[int | None] = [None]
     if not len(problem.known):
-        starts += list(quick_start(site.scene, positions, targets, scanner, need, most=3))
+        starts += list(quick_start(site.scene, look.positions, targets, look.scanner, look.requirement, most=3))
     tried = [improve(problem, greedy(problem, first)) for first in starts]
     best = min(tried, key=lambda c: (not problem.satisfied(c), len(c)))
     size = len(best) - len(problem.known)
@@ -187,7 +216,7 @@ def _solve(
     if proof.chosen is not None and len(set(proof.chosen) - set(problem.known.tolist())) <= size:
         best = proof.chosen
     final = len(set(best) - set(problem.known.tolist()))
-    return best, size, min(proof.least, final), proof.optimal or final <= proof.least
+    return best, size, min(proof.least, final)
 
 
 def _in_order(problem: CoverProblem, new: list[int], known: int) -> list[int]:
@@ -248,7 +277,7 @@ def _warnings(problem: CoverProblem, chosen: list[int], site: _Site, reach: Arra
             f"The stations fall into {len(parts)} groups that share no surface: register them to each other by targets or "
             "control points."
         )
-    short = int((problem.covered(chosen) < problem.need - 1e-6).sum())
+    short = len(set(np.flatnonzero(problem.covered(chosen) < problem.need - 1e-6) % len(reach)))
     if short:
         yield f"{short} elements keep less than asked for, because no linked place adds to them."
     if math.isinf(float(np.max(site.stands.floor, initial=0.0))):

@@ -23,7 +23,7 @@ SLOPES = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0)
 DEPTH_STEP_M, DEEPEST_M = 0.002, 0.04
 STEP_M, COARSE_STEP_M = 0.0002, 0.001
 NOT_UNLIKELY = 30.0
-"""Places whose likelihood is below exp(-30) of the best one's add nothing to the mean; they are looked at in coarse steps only."""
+"""Places of likelihoods below exp(-30) of the best one's add nothing to the mean; they are looked at in coarse steps only."""
 BLOCKS = 8
 BLOCK_REACH_M = 0.008
 MOST_SAMPLES, ENOUGH_FOR_SHAPE = 12_000, 500

@@ -20,6 +20,7 @@ from bim_verify.core.planning.cover import greedy, improve, make_problem, prove,
 from bim_verify.core.planning.options import PlanOptions
 from bim_verify.core.planning.outputs import OBJECT_TYPE, write_plan_csv, write_plan_ifc, write_plan_json
 from bim_verify.core.planning.report import write_plan_report
+from bim_verify.core.planning.second_look import SecondLook, Views
 from bim_verify.core.planning.targets import Targets, pick_targets
 from bim_verify.core.planning.visibility import Requirement, measured_well
 from bim_verify.core.quality import prediction
@@ -123,6 +124,44 @@ def test_a_plan_is_kept_when_it_is_simulated_and_verified(tmp_path: Path) -> Non
         assert forecast.coverage >= forecast.target - 0.05
         assert verdict.coverage >= forecast.target
         assert verdict.belief_occupied == pytest.approx(forecast.belief, abs=0.1)
+
+
+def second_look() -> SecondLook:
+    """Four points on the south wall in a row; places before it in a row too, that see a metre or so of it."""
+    scene = build_scene(building_model([box("south", (0.0, -0.2, 0.0), (8.0, 0.0, 2.8))]))
+    x = np.array([0.5, 2.5, 4.5, 6.5])
+    point, normal = np.column_stack([x, np.zeros(4), np.full(4, 1.0)]), np.tile([0.0, 1.0, 0.0], (4, 1))
+    targets = Targets(np.arange(4), point, normal, np.ones(4), np.zeros(4, np.int32))
+    places = np.column_stack([np.array([1.0, 2.5, 4.5]), np.ones(3), np.ones(3)])
+    near = Requirement(1.0, 1.0, math.radians(89.0), 1.5, 0.0)
+    return SecondLook(scene, SCANNER, near, targets, np.zeros(4, np.bool_), places, 0, np.array([2.5]), np.array([3.5]))
+
+
+def test_what_falls_short_on_other_points_joins_the_problem_as_far_as_it_can_be_seen() -> None:
+    look = second_look()
+    assert look.lacking([0, 1]).all()
+    assert not look.lacking([0, 1, 2]).any()
+    first = Views(np.ones((3, 2), np.bool_), np.full(2, 2.0), np.zeros(2, np.int32), np.array([3.5]))
+    linked = np.ones((3, 3), np.bool_)
+    problem = make_problem(first.sees, first.area, first.element, first.need, (), linked)
+    chosen = improve(problem, greedy(problem))
+    assert len(chosen) == 1 and look.lacking(chosen).all()
+    both = look.join(first, np.array([True]))
+    assert both.need == pytest.approx([3.5, 3.0])  # the fourth point is seen from nowhere
+    problem = make_problem(both.sees, both.area, both.element, both.need, (), linked)
+    chosen = improve(problem, greedy(problem))
+    assert sorted(chosen) == [0, 1, 2] and not look.lacking(chosen).any()
+
+
+def test_a_plan_reaches_its_targets_on_points_that_it_was_not_made_on() -> None:
+    random = np.random.default_rng(3)
+    boxes = list(ROOM)
+    for k in range(6):
+        x, y = random.uniform([0.8, 0.8], [5.0, 4.2])
+        boxes.append(box(f"box {k}", (x, y, 0.0), (x + 0.4, y + 0.4, random.uniform(0.6, 2.0))))
+    result = plan(building_model(boxes), OPTIONS)
+    for f in result.forecasts:
+        assert f.coverage >= f.target - 1e-6, f.name
 
 
 def test_a_plan_adds_to_a_campaign_what_it_lacks() -> None:
