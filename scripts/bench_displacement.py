@@ -1,7 +1,7 @@
 """Joint displacements of a simulated panelled wall: 3 distances x 4 incidence angles x 3 resolutions x 15 movements.
 
     python scripts/bench_displacement.py [--locked] [--relief ridges|plain|bricks] [--chamfer-mm 20] [--quick]
-        [--distances 5 10 30]
+        [--distances 5 10 30] [--steps 0.12 0.06 0.03]
 
 Each movement is scanned anew and compared with a scan of the wall before; the middle column's joints are scored. Prints
 one line per set-up, then the share of the joints' length that was extracted (rounded to quarters per joint), the mean
@@ -80,6 +80,7 @@ def main() -> None:
     parser.add_argument("--relief", default="ridges", choices=("ridges", "plain", "bricks"))
     parser.add_argument("--chamfer-mm", type=float, default=20.0)
     parser.add_argument("--distances", type=float, nargs="+", choices=DISTANCES_M, default=DISTANCES_M, help="only these")
+    parser.add_argument("--steps", type=float, nargs="+", choices=STEPS_DEG, default=STEPS_DEG, help="only these, degrees")
     parser.add_argument("--quick", action="store_true", help="one incidence angle and five movements")
     arguments = parser.parse_args()
     design = WallDesign(relief=arguments.relief, chamfer=arguments.chamfer_mm / 1000)
@@ -87,22 +88,23 @@ def main() -> None:
     if arguments.quick:
         cases = {k: cases[k] for k in ("none", "settlement 50", "lateral 100", "tilt 2", "tilts -2")}
     extracted, errors, worst_joint, undetermined, count, number = [], [], 0.0, 0, 0, 0
-    seconds, taken, z = [], [], []
+    seconds, processor, taken, z = [], [], [], []
     print("distance incidence  step    extracted  mean error  worst case  s a column")
     for distance in DISTANCES_M:
         for incidence in INCIDENCES_DEG[1:2] if arguments.quick else INCIDENCES_DEG:
             for step in STEPS_DEG:
                 number += 1
-                if distance not in arguments.distances:
+                if distance not in arguments.distances or step not in arguments.steps:
                     continue
                 base = scanned(design, uniform(design), distance, incidence, step, 1000 * number, arguments.locked)
                 rows = []
                 for k, (_, moves) in enumerate(cases.items()):
                     later = scanned(design, moves, distance, incidence, step, 1000 * number + 1 + k, arguments.locked)
-                    begin = time.perf_counter()
+                    begin, used = time.perf_counter(), time.process_time()
                     result = displacement(base, later, DisplacementOptions())
                     taken.append(time.perf_counter() - begin)
                     seconds.append(taken[-1] / max(len(result.columns), 1))
+                    processor.append((time.process_time() - used) / max(len(result.columns), 1))
                     column = middle_column(result)
                     shares, found = [], []
                     for row in range(design.rows - 1):
@@ -134,7 +136,7 @@ def main() -> None:
     print(f"mean error {np.nanmean(errors):.3f} mm; worst single joint and direction {worst_joint:.2f} mm; "
           f"|error| < 1.96 sigma: lateral {share[0]:.1f} %, vertical {share[1]:.1f} %")
     print(f"{np.mean(seconds):.2f} s a column, at most {np.max(seconds):.2f} s; {np.mean(taken):.2f} s a case, "
-          f"at most {np.max(taken):.2f} s")
+          f"at most {np.max(taken):.2f} s; processor {np.mean(processor):.2f} s a column, at most {np.max(processor):.2f} s")
     print(f"worst {np.nanmax(errors):.3f} mm")
 
 
