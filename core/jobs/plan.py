@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from ..planning.forecast import forecast
 from ..planning.options import PlanOptions
 from ..planning.quick_start import quick_start
 from ..planning.results import PlanResult, PlanStation
-from ..planning.second_look import SecondLook, Views
+from ..planning.second_look import SecondLook, Views, area_by_element
 from ..planning.targets import Targets, choose_elements, pick_targets
 from ..planning.visibility import Requirement, registrable, view_matrix
 from ..progress import Progress
@@ -126,34 +127,41 @@ def _plan(site: _Site, options: PlanOptions, scanner: Scanner, progress: Progres
         known = len(existing.positions)
         # its places come twice: as they were scanned, and to be scanned again with this scanner
         positions = np.concatenate([existing.positions, existing.positions, positions])
-    sees = view_matrix(site.scene, positions[known:], targets, scanner, need, progress.part(0.0, 0.6))
-    if existing is not None:
-        sees = np.concatenate([np.repeat(existing.good[None], known, axis=0), sees])
+    second = pick_targets(site.samples, site.chosen, offset=1)
+    good = start_from(site.quality, second, need).good if isinstance(site.quality, QualityResult) else None
+    sees, sees_second = (
+        _views(site, positions, known, points, scanner, need, seen, progress.part(*part))
+        for points, seen, part in (
+            (targets, existing.good if existing else None, (0.0, 0.4)), (second, good, (0.4, 0.7))
+        )
+    )
     watch.lap("visibility")
-    area = np.bincount(targets.element, weights=targets.area, minlength=len(model.elements)).astype(np.float64)
-    can = sees.any(axis=0)
-    reach = np.bincount(targets.element[can], weights=targets.area[can], minlength=len(area)) / np.maximum(area, 1e-12)
+    count = len(model.elements)
+    area = np.bincount(targets.element, weights=targets.area, minlength=count).astype(np.float64)
+    can = [
+        area_by_element(points.area, points.element, seen.any(axis=0), count)
+        for points, seen in ((targets, sees), (second, sees_second))
+    ]
+    reach = 0.5 * (can[0] + can[1]) / np.maximum(area, 1e-12)
     reach = np.where(reach >= LEAST_REACHABLE, reach, 0.0)
     target = options.coverage * reach
-    aim = np.minimum(target + SAFETY * reach, reach) * area * (1.0 - 1e-9)
+    aim = (target + SAFETY * reach) * area
     # stations are registered by all that they see in common, whether the plan asks for it or not
     common = pick_targets(site.samples, np.ones(len(model.elements), np.bool_), thinner=LINK_THINNER)
-    scans_share = view_matrix(site.scene, positions, common, scanner, registrable(scanner), progress.part(0.6, 0.8))
+    scans_share = view_matrix(site.scene, positions, common, scanner, registrable(scanner), progress.part(0.7, 0.8))
     linked = shared_enough(scans_share, common.area, options.overlap)
-    everything = pick_targets(site.samples, np.ones(len(model.elements), np.bool_), offset=1)
-    seen_already = np.zeros(len(everything), np.bool_)
-    if isinstance(site.quality, QualityResult):
-        seen_already = start_from(site.quality, everything, need).good
-    look = SecondLook(
-        site.scene, scanner, need, everything, seen_already, positions, known,
-        np.where(site.chosen, target * area, 0.0), aim,
+    look = SecondLook(sees_second, second.area, second.element, target * area, aim)
+    views = Views(sees, targets.area, targets.element, np.minimum(aim, can[0]) * (1.0 - 1e-9))
+    problem, chosen, heuristic, least = _solved(
+        views, look, linked, known, partial(_quick, site, positions, targets, scanner, need), options
     )
-    views = Views(sees, targets.area, targets.element, aim)
-    problem, chosen, heuristic, least = _solved(views, look, linked, site, targets, options)
     watch.lap("solving")
     new = [c for c in chosen if c >= known]
     watch_order = _in_order(problem, new, known)
     stations = tuple(_stations(site, existing, problem, sees, targets, watch_order, known, positions, scanner, options))
+    # twice as many points, half of which the plan was not made on
+    everything = pick_targets(site.samples, np.ones(count, np.bool_), offset=1, thinner=0.5)
+    seen_already = start_from(site.quality, everything, need).good if isinstance(site.quality, QualityResult) else None
     forecasts = forecast(
         model, site.samples, site.scene, everything, positions[watch_order], scanner, options, site.chosen, reach, target,
         seen_already,
@@ -177,8 +185,21 @@ def _linked_to_known(problem: CoverProblem) -> CoverProblem:
     return replace(problem, linked=linked)
 
 
+def _views(
+    site: _Site, positions: Array, known: int, points: Targets, scanner: Scanner, need: Requirement,
+    already: NDArray[np.bool_] | None, progress: Progress,
+) -> NDArray[np.bool_]:
+    """(C, P) what each place measures as required; stations of the campaign, the first ``known``, all that it has."""
+    sees = view_matrix(site.scene, positions[known:], points, scanner, need, progress)
+    return sees if already is None else np.concatenate([np.repeat(already[None], known, axis=0), sees])
+
+
+def _quick(site: _Site, positions: Array, targets: Targets, scanner: Scanner, need: Requirement) -> list[int]:
+    return list(quick_start(site.scene, positions, targets, scanner, need, most=3))
+
+
 def _solved(
-    views: Views, look: SecondLook, linked: NDArray[np.bool_], site: _Site, targets: Targets, options: PlanOptions
+    views: Views, look: SecondLook, linked: NDArray[np.bool_], known: int, quick: Callable[[], list[int]], options: PlanOptions
 ) -> tuple[CoverProblem, list[int], int, int]:
     """(problem, places, size of the heuristic's solution, least possible size), new places counted.
 
@@ -188,25 +209,25 @@ def _solved(
     joined = np.zeros(len(look.target), np.bool_)
     least = None
     for _ in range(MOST_LOOKS):
-        problem = make_problem(views.sees, views.area, views.element, views.need, range(look.known), linked)
+        problem = make_problem(views.sees, views.area, views.element, views.need, range(known), linked)
         problem = _linked_to_known(problem)
-        chosen, heuristic, bound = _solve(problem, site, look, targets, options)
+        chosen, heuristic, bound = _solve(problem, quick, options)
         least = bound if least is None else least
         short = look.lacking(chosen) & ~joined
         if not short.any():
             break
         joined |= short
         views = look.join(views, short)
-    return problem, chosen, heuristic, min(least or 0, sum(c >= look.known for c in chosen))
+    return problem, chosen, heuristic, min(least or 0, sum(c >= known for c in chosen))
 
 
 def _solve(
-    problem: CoverProblem, site: _Site, look: SecondLook, targets: Targets, options: PlanOptions
+    problem: CoverProblem, quick: Callable[[], list[int]], options: PlanOptions
 ) -> tuple[list[int], int, int]:
     """(places, size of the heuristic's solution, least possible size) with the new places counted."""
     starts: list[int | None] = [None]
     if not len(problem.known):
-        starts += list(quick_start(site.scene, look.positions, targets, look.scanner, look.requirement, most=3))
+        starts += quick()
     tried = [improve(problem, greedy(problem, first)) for first in starts]
     best = min(tried, key=lambda c: (not problem.satisfied(c), len(c)))
     size = len(best) - len(problem.known)
