@@ -41,6 +41,8 @@ SAFETY = 0.03
 LEAST_REACHABLE = 0.02
 LINK_THINNER = 4.0
 SAME_PLACE_M = 0.05
+SECOND_THINNER = 0.5
+"""The second set of points is twice as dense, and none of its points is in the first unless all are."""
 MOST_LOOKS = 4
 """Solutions that are looked at on a second set of points."""
 
@@ -127,7 +129,7 @@ def _plan(site: _Site, options: PlanOptions, scanner: Scanner, progress: Progres
         known = len(existing.positions)
         # its places come twice: as they were scanned, and to be scanned again with this scanner
         positions = np.concatenate([existing.positions, existing.positions, positions])
-    second = pick_targets(site.samples, site.chosen, offset=1)
+    second = pick_targets(site.samples, site.chosen, offset=1, thinner=SECOND_THINNER)
     good = start_from(site.quality, second, need).good if isinstance(site.quality, QualityResult) else None
     sees, sees_second = (
         _views(site, positions, known, points, scanner, need, seen, progress.part(*part))
@@ -142,7 +144,7 @@ def _plan(site: _Site, options: PlanOptions, scanner: Scanner, progress: Progres
         area_by_element(points.area, points.element, seen.any(axis=0), count)
         for points, seen in ((targets, sees), (second, sees_second))
     ]
-    reach = 0.5 * (can[0] + can[1]) / np.maximum(area, 1e-12)
+    reach = (SECOND_THINNER * can[0] + can[1]) / (1.0 + SECOND_THINNER) / np.maximum(area, 1e-12)
     reach = np.where(reach >= LEAST_REACHABLE, reach, 0.0)
     target = options.coverage * reach
     aim = (target + SAFETY * reach) * area
@@ -159,8 +161,7 @@ def _plan(site: _Site, options: PlanOptions, scanner: Scanner, progress: Progres
     new = [c for c in chosen if c >= known]
     watch_order = _in_order(problem, new, known)
     stations = tuple(_stations(site, existing, problem, sees, targets, watch_order, known, positions, scanner, options))
-    # twice as many points, half of which the plan was not made on
-    everything = pick_targets(site.samples, np.ones(count, np.bool_), offset=1, thinner=0.5)
+    everything = pick_targets(site.samples, np.ones(count, np.bool_), offset=1, thinner=SECOND_THINNER)
     seen_already = start_from(site.quality, everything, need).good if isinstance(site.quality, QualityResult) else None
     forecasts = forecast(
         model, site.samples, site.scene, everything, positions[watch_order], scanner, options, site.chosen, reach, target,
