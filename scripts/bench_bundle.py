@@ -27,13 +27,13 @@ from scipy.stats import chi2  # noqa: E402
 from bim_verify.core.imagery.bundle import adjust_bundle  # noqa: E402
 from bim_verify.core.imagery.bundle_problem import BundleProblem, Control, ImageObservations  # noqa: E402
 from bim_verify.core.imagery.camera import Camera, Interior  # noqa: E402
+from bim_verify.core.simulation.photo_block import thinned  # noqa: E402
 
 Array = NDArray[np.float64]
 LENS = Interior(4000, 3000, 3000.0, 3000.0, 1999.5, 1499.5, (-0.05, 0.01, 0.0005, -0.0003, 0.0))
 FREE = ("f", "cx", "cy", "k1", "k2", "p1", "p2")
 NOISE_PX, CONTROL_M = 0.5, 0.002
 HALL = (24.0, 16.0, 4.0)
-MOST_RAYS = 8
 CONTROL_POINTS = 8
 
 
@@ -80,14 +80,8 @@ def block(images: int, count: int, seed: int) -> tuple[BundleProblem, tuple[Came
         point.append(rows[seen])
         pixel.append(bent[seen])
     c, p, xy = np.concatenate(camera), np.concatenate(point), np.concatenate(pixel)
-    order = np.lexsort((fixed.random(len(c)), p))
-    c, p, xy = c[order], p[order], xy[order]
-    kept = np.arange(len(p)) - np.searchsorted(p, p) < MOST_RAYS
-    c, p, xy = c[kept], p[kept], xy[kept]
-    good = np.bincount(p, minlength=count) >= 3
-    kept = good[p]
-    c, xy, points = c[kept], xy[kept], points[good]
-    p = (np.cumsum(good) - 1)[p[kept]]
+    c, p, xy, good = thinned(c, p, xy, count, fixed)
+    points = points[good]
     rng = np.random.default_rng((seed, 2))
     corners = np.array([[x, y, z] for x in (0, HALL[0]) for y in (0, HALL[1]) for z in (0.5, HALL[2])])
     well = np.flatnonzero(np.bincount(p, minlength=len(points)) >= 4)

@@ -424,10 +424,8 @@ def look(plan: FacadePlan, camera: Camera, plants: list[Any]) -> tuple[list[floa
     mask = np.zeros((lens.height // GRID, lens.width // GRID), dtype=bool)
     y, x = np.mgrid[: mask.shape[0], : mask.shape[1]]
     pixel = np.column_stack([(x.ravel() + 0.5) * GRID, (y.ravel() + 0.5) * GRID])
-    ideal = lens.undistort(pixel)
-    ray = np.column_stack([(ideal - [lens.cx, lens.cy]) / [lens.fx, lens.fy], np.ones(len(ideal))]) @ camera.rotation
-    for k, way in enumerate(ray):
-        hit, _, _, _, item, _ = bpy.context.scene.ray_cast(graph, eye, Vector([float(v) for v in way]).normalized())
+    for k, way in enumerate(camera.rays(pixel)):
+        hit, _, _, _, item, _ = bpy.context.scene.ray_cast(graph, eye, Vector([float(v) for v in way]))
         mask.flat[k] = bool(hit and item.name in names)
     return hidden, mask
 

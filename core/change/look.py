@@ -119,14 +119,13 @@ def look_at_elements(
     )
     tolerance = change_tolerance(edge, sigma, registration_sigma)
     shared = find_shared(model, found.samples, surfaces, parts)
-    touching = find_touching(
-        found.seen, model, found.samples, scenery.station_positions, surfaces, window, sigma, parts
-    )
+    origins = scenery.origins(found.seen)
+    touching = find_touching(found.seen, model, found.samples, origins, surfaces, window, sigma, parts)
     known_gone = np.zeros(len(model.elements), np.bool_)
     for _ in range(2):  # what is gone shares its surface with nobody
         others, either = touching.split(known_gone)
         own = own_evidence(
-            found.seen.explained_too(others), found.samples, scenery.station_positions, surfaces,
+            found.seen.explained_too(others), found.samples, origins, surfaces,
             shared.in_doubt(len(found.samples), known_gone), either, window, registration_sigma, len(model.elements),
         )
         elements = tuple(

@@ -75,13 +75,13 @@ class Touching:
 
 
 def find_touching(
-    seen: Sightings, model: BuildingModel, samples: SurfaceSamples, stations: NDArray[np.float64], surfaces: ElementSurfaces,
+    seen: Sightings, model: BuildingModel, samples: SurfaceSamples, origins: NDArray[np.float64], surfaces: ElementSurfaces,
     window: float, sigma: float, parts: Parts,
 ) -> Touching:
     """Such returns. Where nothing passes an element, those as near to its own face are left out: there is nothing to explain.
 
     A board's back lies in the face of the wall that it covers: rays through the model (``explain``) may meet the one and miss
-    the other; without the board its wall is seen within the window. Stations (S, 3) in the local frame, metres.
+    the other; without the board its wall is seen within the window. ``origins`` (M, 3) of the rays, metres, local frame.
     """
     near = TOLD_APART_SIGMAS * sigma
     state, count = seen.state(window), len(model.elements)
@@ -92,19 +92,19 @@ def find_touching(
     farther = np.abs(seen.deviation) > near + sigma
     row = np.flatnonzero(at & (farther | opposed[element]))
     point = seen.point[row].astype(np.float64)
-    back = stations[seen.station[row]] - point
+    back = origins[row] - point
     back /= np.maximum(np.linalg.norm(back, axis=1, keepdims=True), 1e-9)
     pair, other = on_others(model, surfaces, point, back, element[row], near, parts, GRAZE)
     return Touching(row[pair], other, farther[row[pair]])
 
 
 def own_evidence(
-    seen: Sightings, samples: SurfaceSamples, stations: NDArray[np.float64], surfaces: ElementSurfaces,
+    seen: Sightings, samples: SurfaceSamples, origins: NDArray[np.float64], surfaces: ElementSurfaces,
     doubt: NDArray[np.bool_], either: NDArray[np.int64], window: float, registration_sigma: float, elements: int,
 ) -> OwnEvidence:
     """Weigh the sightings ``seen`` of the samples at their planned places.
 
-    stations (S, 3) positions [m, local frame]; doubt (N,) whether a sample is another element's surface as well;
+    origins (M, 3) of the rays [m, local frame]; doubt (N,) whether a sample is another element's surface as well;
     ``either``: rows of sightings that may be another element's; ``window`` [m] within which a return is at its place.
     """
     state = seen.state(window)
@@ -123,7 +123,7 @@ def own_evidence(
     beam = _beam_of(seen, element, telling)
     returned, sure = np.unique(beam[at[telling]]), (at & ~unsure)[telling]
     row = telling[beyond[telling] & ~np.isin(beam, returned)]
-    inside = row[clearly_inside(seen.rows(row), samples, stations, surfaces, registration_sigma)]
+    inside = row[clearly_inside(seen.rows(row), samples, origins[row], surfaces, registration_sigma)]
     return OwnEvidence(
         found, shared, passed, _silent(seen, samples, window, at | beyond, elements),
         _count_beams(element[telling[sure]], beam[sure], elements),
@@ -154,13 +154,13 @@ def _count_beams(element: NDArray[np.int64], beam: NDArray[np.uint64], elements:
 
 
 def clearly_inside(
-    seen: Sightings, samples: SurfaceSamples, stations: NDArray[np.float64], surfaces: ElementSurfaces,
+    seen: Sightings, samples: SurfaceSamples, origins: NDArray[np.float64], surfaces: ElementSurfaces,
     registration_sigma: float,
 ) -> NDArray[np.bool_]:
     """(M,) whether each beam's middle crosses its element's face well inside the outline, registration counted."""
     sample = seen.sample.astype(np.int64)
     normal, position = samples.normal[sample], samples.position[sample]
-    place = crossings(seen, stations[seen.station], position, normal)
+    place = crossings(seen, origins, position, normal)
     beam = BEAM_EXIT_RADIUS_M + BEAM_SPREAD_RAD * seen.distance.astype(np.float64)
     margin = WELL_INSIDE * beam + 2.0 * registration_sigma
     up = np.where((np.abs(normal[:, 2]) < 0.9)[:, None], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])

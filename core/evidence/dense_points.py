@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from ..errors import BimVerifyError
 from ..model.on_element import ElementSurfaces
-from ..sensing.presets import LOGISTIC, ZONE_SIGMAS, MassParameters
+from ..sensing.presets import LOGISTIC, ZONE_SIGMAS, MassParameters, derive_kappa, derived_masses
 from .gather import CLUSTER_FLOOR_M, CLUSTER_SIGMAS, CUT, LENGTH_SCALE, LOG_SCALE, NEAR_CUT, SMALLEST_UNKNOWN, SensorModel
 from .masses import level_conversion, log_one_minus, ray_masses
 from .sightings import FIRST_DENSE, NUMBERS_OF_BODY, RAYLESS, SEARCH_M, WIDER_SIGMAS, Sightings
@@ -86,9 +86,7 @@ class DensePoints:
         """What the masses of points of this ``sigma`` [m] are made with."""
         if self.fixed is not None:
             return self.fixed
-        return MassParameters(
-            ZONE_SIGMAS * LOGISTIC, LOGISTIC / math.hypot(sigma, model_sigma), math.log(2.0) / self.spacing**2
-        )
+        return derived_masses(sigma, model_sigma, self.spacing)
 
     def sight(
         self, sensor: SensorModel, sample: NDArray[np.int64], query: Array, normal: Array, element: NDArray[np.int32],
@@ -100,7 +98,7 @@ class DensePoints:
         fixed = self.fixed
         lam = LOGISTIC / total if fixed is None else np.full(len(query), fixed.lam)
         c = ZONE_SIGMAS * LOGISTIC if fixed is None else fixed.c
-        kappa = math.log(2.0) / self.spacing**2 if fixed is None else fixed.kappa
+        kappa = derive_kappa(self.spacing) if fixed is None else fixed.kappa
         kept = np.ones(len(query)) if fixed is None else level_conversion(sigma, sensor.model_sigma)
         log_unk, nearest, deviation, spread, count = _look(
             np.ascontiguousarray(query), np.ascontiguousarray(normal), self.points, self._normal, self._key, self._low,

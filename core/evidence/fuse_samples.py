@@ -8,6 +8,7 @@ from scipy.special import ndtr
 
 from ..options import FusionRule
 from ..results import SampleEvidence
+from .blocks import row_numbers
 from .fusion import RULES, from_log_commonality
 from .sightings import AT, NUMBERS_OF_BODY, RAYLESS, Sightings
 
@@ -82,9 +83,9 @@ def _local_deviation(
 
 def _cameras(near: Sightings) -> NDArray[np.float64] | float:
     """(M,) cameras of one block that look at the same query: a tie point's error does not average out over them."""
-    if not near.photo.shape[1]:
+    if not near.photo.shape[1] or not len(near):
         return 1.0
     body = np.where(near.station == RAYLESS, -1, near.photo[:, 3] // NUMBERS_OF_BODY)
     body = np.where(near.from_photos, body, -2.0 - near.station)
-    _, same = np.unique(np.column_stack([near.sample, body]), axis=0, return_inverse=True)
-    return np.bincount(same.ravel())[same.ravel()].astype(np.float64)
+    _, same = np.unique(row_numbers(np.column_stack([near.sample, body]).astype(np.int64)), return_inverse=True)
+    return np.bincount(same)[same].astype(np.float64)

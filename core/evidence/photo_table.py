@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from ..model.samples import SurfaceSamples
 from ..results import ElementPhotos, ElementVerdict
-from ..sensing.presets import LOGISTIC, ZONE_SIGMAS, MassParameters
+from ..sensing.presets import MassParameters, derived_masses
 from .collect import PhotoCampaign
 from .gather import SensorModel
 from .sightings import AT, RAYLESS, Sightings
@@ -71,9 +71,7 @@ def _parameters(sensor: SensorModel, sigma: float | None, spacing: float | None)
         return _shown(sensor.fixed)
     if sigma is None or not spacing:
         return None
-    return _shown(MassParameters(
-        ZONE_SIGMAS * LOGISTIC, LOGISTIC / math.hypot(sigma, sensor.model_sigma), math.log(2.0) / spacing**2
-    ))
+    return _shown(derived_masses(sigma, sensor.model_sigma, spacing))
 
 
 def _shown(parameters: MassParameters) -> Parameters:

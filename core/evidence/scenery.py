@@ -34,14 +34,9 @@ class Scenery:
     sensor: SensorModel
     explain_within: float
 
-    @property
-    def station_positions(self) -> NDArray[np.float64]:
-        """(S, 3) metres, local frame."""
-        return np.array(self.stations.position).reshape(-1, 3)
-
     def origins(self, seen: Sightings) -> NDArray[np.float64]:
         """(M, 3) where the rays begin: the stations; for dense points, whose rays nobody knows, before the face they lie on."""
-        position = np.vstack([self.station_positions, np.zeros(3)])
+        position = np.array([*self.stations.position, np.zeros(3)])
         found = position[seen.station]
         rayless = seen.station == RAYLESS
         found[rayless] = seen.point[rayless].astype(np.float64) + seen.face_normal[rayless]

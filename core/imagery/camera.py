@@ -87,6 +87,13 @@ class Camera:
             flat = np.where(seen[:, 2:] > 0.0, seen[:, :2] / seen[:, 2:], np.nan)
         return flat * [self.interior.fx, self.interior.fy] + [self.interior.cx, self.interior.cy]
 
+    def rays(self, pixels: Vector) -> Vector:
+        """Unit directions (N, 3) in the world of pixels (N, 2) as the lens bends them."""
+        lens = self.interior
+        ideal = lens.undistort(pixels)
+        ray = np.column_stack([(ideal - [lens.cx, lens.cy]) / [lens.fx, lens.fy], np.ones(len(ideal))]) @ self.rotation
+        return np.asarray(ray / np.linalg.norm(ray, axis=1, keepdims=True))
+
     def moved(self, rotation: Vector, translation: Vector) -> Camera:
         """Turned by the rotation vector (3,) [rad] in the camera frame, and shifted by (3,) [m] in the world."""
         return replace(

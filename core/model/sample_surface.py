@@ -10,7 +10,7 @@ from . import exposure_cache
 from .elements import BuildingModel
 from .raycast import RayScene
 from .samples import SurfaceSamples
-from .shared_faces import drop_shared
+from .shared_faces import MOST_HITS, REACH_M, drop_shared, leaves_another
 
 FEWEST = 400
 """Query positions on an element of any size: shares are then resolved to a quarter of a percent."""
@@ -108,24 +108,12 @@ def _exposed_part(
     element: NDArray[np.int32],
 ) -> NDArray[np.bool_]:
     origin = position + OFFSET_M * normal
-    hits = scene.all_hits(origin, normal, reach=50.0, most=6)
-    hidden = np.zeros(len(position), dtype=np.bool_)
-    for k in range(len(hits.distance)):
-        tri = hits.triangle[k]
-        hit = tri >= 0
-        other = np.where(hit, scene.element[tri], -1)
-        foreign = hit & (other != element)
-        first_of_it = np.ones(len(position), dtype=np.bool_)
-        for j in range(k):
-            first_of_it &= np.where(hits.triangle[j] >= 0, scene.element[hits.triangle[j]], -1) != other
-        leaves = foreign & first_of_it & ~hits.entering[k] & model.closed[np.maximum(other, 0)] & ~hidden
-        row = np.flatnonzero(leaves)
-        leaves[row] = scene.leaves(other[row], origin[row], normal[row])
-        touches = foreign & hits.entering[k] & (hits.distance[k] < CONTACT_GAP_M) if k == 0 else False
-        hidden |= leaves | touches
-
+    hits = scene.all_hits(origin, normal, reach=REACH_M, most=MOST_HITS)
+    hidden = leaves_another(model, scene, hits, origin, normal, element)
     if not len(hits.distance):
         return ~hidden
+    foreign = (hits.triangle[0] >= 0) & (scene.element[hits.triangle[0]] != element)
+    hidden |= foreign & hits.entering[0] & (hits.distance[0] < CONTACT_GAP_M)
     near = ~hidden & (hits.distance[0] < NEAREST_SCANNER_M)
     sheet = ~hidden & ~model.closed[element]
     look = np.flatnonzero(near | sheet)
@@ -152,7 +140,7 @@ def _look_around(
             direction = np.cos(incidence) * normal + np.sin(incidence) * (
                 np.cos(turn) * tangent + np.sin(turn) * second
             )
-            distance, triangle = scene.first_hit(origin, direction, 50.0)
+            distance, triangle = scene.first_hit(origin, direction, REACH_M)
             free |= distance >= NEAREST_SCANNER_M
             foreign |= (triangle < 0) | (scene.element[triangle] != element)
     return free, foreign

@@ -7,10 +7,12 @@ from numpy.typing import NDArray
 
 from ..parallel import in_chunks
 from .elements import BuildingModel
-from .raycast import RayScene
+from .raycast import Hits, RayScene
 
 DEPTH_M = 0.001
 """How far below its face an element is asked whether it shares that place with another."""
+REACH_M, MOST_HITS = 50.0, 6
+"""How far, and through how many faces, an element around a position is looked for."""
 OWN_SHARE = 0.2
 """With at least this share of its exposed surface to itself, an element is judged by that alone; else (an element that is
 in the model twice) it is judged by what it shares."""
@@ -48,13 +50,25 @@ def inside_another(
     direction: NDArray[np.float64],
     element: NDArray[np.int32],
 ) -> NDArray[np.bool_]:
-    """(N,) whether a point lies inside a closed element other than its own, seen along ``direction`` (N, 3).
+    """(N,) whether a point lies inside a closed element other than its own, seen along ``direction`` (N, 3)."""
+    hits = scene.all_hits(point, direction, reach=REACH_M, most=MOST_HITS)
+    return leaves_another(model, scene, hits, point, direction, element)
 
-    It does when the ray's first meeting with some other element is from the inside.
+
+def leaves_another(
+    model: BuildingModel,
+    scene: RayScene,
+    hits: Hits,
+    point: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    element: NDArray[np.int32],
+) -> NDArray[np.bool_]:
+    """(N,) whether rays with these ``hits`` begin inside a closed element other than their own.
+
+    They do when the first meeting with some other element is from the inside.
     """
     inside = np.zeros(len(point), dtype=np.bool_)
     met = [np.full(len(point), -1, dtype=np.int32)]
-    hits = scene.all_hits(point, direction, reach=50.0, most=6)
     for triangle, entering in zip(hits.triangle, hits.entering, strict=True):
         other = np.where(triangle >= 0, scene.element[np.maximum(triangle, 0)], -1)
         first = np.all([other != earlier for earlier in met], axis=0)

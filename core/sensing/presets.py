@@ -30,6 +30,12 @@ PRESETS: dict[str, MassParameters] = {
 }
 
 
+def derived_masses(sigma: float, model_sigma: float, spacing: float) -> MassParameters:
+    """Of points with this standard deviation, ``spacing`` apart on a surface met head on, plan of ``model_sigma``; metres."""
+    lam = derive_lambda(math.hypot(sigma, model_sigma))
+    return MassParameters(ZONE_SIGMAS * LOGISTIC, lam, derive_kappa(spacing))
+
+
 def derive_lambda(sigma: float) -> float:
     """lambda [1/m] whose logistic transition has standard deviation ``sigma`` [m]: pi / (sqrt(3) sigma)."""
     return LOGISTIC / sigma

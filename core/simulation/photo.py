@@ -40,9 +40,7 @@ def photograph(
         rows = min(ROWS_AT_ONCE, lens.height - top)
         y = (np.arange(rows * oversampling) + 0.5) * step - 0.5 + top
         pixel = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        ideal = lens.undistort(pixel)
-        ray = np.column_stack([(ideal - [lens.cx, lens.cy]) / [lens.fx, lens.fy], np.ones(len(ideal))]) @ camera.rotation
-        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+        ray = camera.rays(pixel)
         _, triangle = scene.first_hit(np.repeat(camera.position[None], len(ray), 0), ray)
         normal = scene.normal[triangle]
         normal = normal * -np.sign(np.einsum("ni,ni->n", normal, ray))[:, None]

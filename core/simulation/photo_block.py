@@ -38,13 +38,6 @@ def cameras_around(places: Array, headings: int, lens: Interior = LENS) -> tuple
     return tuple(found)
 
 
-def _rays(camera: Camera, pixel: Array) -> Array:
-    lens = camera.interior
-    ideal = lens.undistort(pixel)
-    ray = np.column_stack([(ideal - [lens.cx, lens.cy]) / [lens.fx, lens.fy], np.ones(len(pixel))]) @ camera.rotation
-    return np.asarray(ray / np.linalg.norm(ray, axis=1, keepdims=True))
-
-
 def photograph_block(
     scene: RayScene, cameras: Sequence[Camera], per_image: int, seed: int, *, control: int = 12, noise_px: float = NOISE_PX,
     track: int | None = None, free: tuple[str, ...] = FREE,
@@ -57,7 +50,7 @@ def photograph_block(
     points, source = [], []
     for number, camera in enumerate(cameras):
         pixel = rng.uniform(0, 1, (per_image, 2)) * [camera.interior.width - 1, camera.interior.height - 1]
-        ray = _rays(camera, pixel)
+        ray = camera.rays(pixel)
         reach, triangle = scene.first_hit(np.repeat(camera.position[None], len(ray), 0), ray)
         hit = triangle >= 0
         points.append(camera.position + ray[hit] * reach[hit, None])
@@ -79,13 +72,8 @@ def photograph_block(
         point_of.append(rows)
         pixels.append(pixel[rows])
     c, p, xy = np.concatenate(camera_of), np.concatenate(point_of), np.concatenate(pixels)
-    order = np.lexsort((rng.random(len(c)), p))
-    c, p, xy = c[order], p[order], xy[order]
-    kept = np.arange(len(p)) - np.searchsorted(p, p) < MOST_RAYS
-    c, p, xy = c[kept], p[kept], xy[kept]
-    good = np.bincount(p, minlength=len(cloud)) >= LEAST_RAYS
-    kept = good[p]
-    c, xy, p, cloud = c[kept], xy[kept], (np.cumsum(good) - 1)[p[kept]], cloud[good]
+    c, p, xy, good = thinned(c, p, xy, len(cloud), rng)
+    cloud = cloud[good]
     known = _spread(cloud, control) if control else np.zeros(0, np.int64)
     return BundleProblem(
         tuple(one.moved(rng.normal(0, 0.002, 3), rng.normal(0, 0.02, 3)) for one in cameras), (cameras[0].interior,),
@@ -142,7 +130,7 @@ def dense_cloud(
     for camera in cameras:
         lens = camera.interior
         grid = np.meshgrid(np.arange(0, lens.width - 1, step_px), np.arange(0, lens.height - 1, step_px))
-        ray = _rays(camera, np.stack(grid, axis=-1).reshape(-1, 2) + rng.uniform(0, 1, (grid[0].size, 2)))
+        ray = camera.rays(np.stack(grid, axis=-1).reshape(-1, 2) + rng.uniform(0, 1, (grid[0].size, 2)))
         reach, triangle = scene.first_hit(np.repeat(camera.position[None], len(ray), 0), ray)
         hit = triangle >= 0
         place = camera.position + ray[hit] * reach[hit, None]
@@ -153,3 +141,19 @@ def dense_cloud(
         points.append(place + off[:, None] * normal)
         normals.append(normal.astype(np.float32))
     return np.concatenate(points), np.concatenate(normals)
+
+
+def thinned(
+    camera: NDArray[np.int64], point: NDArray[np.int64], pixel: Array, points: int, rng: np.random.Generator
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Array, NDArray[np.bool_]]:
+    """Of the observations (N,) at most eight of a point, chosen by chance, and none of a point with fewer than three.
+
+    Returns camera, number of the point among those that are left, pixel, and which of the ``points`` are left.
+    """
+    order = np.lexsort((rng.random(len(camera)), point))
+    camera, point, pixel = camera[order], point[order], pixel[order]
+    kept = np.arange(len(point)) - np.searchsorted(point, point) < MOST_RAYS
+    camera, point, pixel = camera[kept], point[kept], pixel[kept]
+    good = np.bincount(point, minlength=points) >= LEAST_RAYS
+    kept = good[point]
+    return camera[kept], (np.cumsum(good) - 1)[point[kept]], pixel[kept], good
