@@ -27,9 +27,11 @@ from bim_verify.core.model.elements import BuildingModel  # noqa: E402
 from bim_verify.core.model.load import load_model  # noqa: E402
 from bim_verify.core.model.sample_surface import sample_surface  # noqa: E402
 from bim_verify.core.options import VerifyOptions  # noqa: E402
-from bim_verify.core.planning.cover import greedy, improve, make_problem, prove, shared_enough  # noqa: E402
+from bim_verify.core.planning.cover import make_problem, shared_enough  # noqa: E402
+from bim_verify.core.planning.heuristics import greedy, improve  # noqa: E402
 from bim_verify.core.planning.options import PlanOptions  # noqa: E402
 from bim_verify.core.planning.outputs import write_plan_json  # noqa: E402
+from bim_verify.core.planning.proof import prove  # noqa: E402
 from bim_verify.core.planning.targets import Targets, pick_targets  # noqa: E402
 from bim_verify.core.planning.visibility import Requirement, view_matrix, visibility_only  # noqa: E402
 from bim_verify.core.progress import Progress  # noqa: E402
@@ -220,7 +222,7 @@ def keep_one(folder: Path, title: str, model: BuildingModel, loa: int) -> None:
     scan = scan_to_files(campaign, folder / "scan.e57", None)
     verified = verify(model, [scan.scan_path], VerifyOptions(loa=loa, sigma=0.0025, sample_spacing=0.05))
     surveyed = quality(model, [scan.scan_path], QualityOptions(loa=loa))
-    asked = [row for row, f in enumerate(result.forecasts) if f.chosen and f.target > 0]
+    asked = [row for row, f in enumerate(result.forecasts) if f.target > 0]
     forecasts, verdicts = [result.forecasts[row] for row in asked], [verified.verdicts[row] for row in asked]
     found = [surveyed.elements[row] for row in asked]
     pairs = list(zip(forecasts, verdicts, strict=True))

@@ -17,6 +17,8 @@ AREA_PER_POINT_M2 = 0.06
 FEWEST, MOST = 30, 300
 """Points on an element."""
 MOST_POINTS = 60_000
+SECOND_THINNER = 0.5
+"""The second set of points is twice as dense, and none of its points is in the first unless all are."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,11 @@ def choose_elements(model: BuildingModel, options: PlanOptions) -> NDArray[np.bo
         there = ", ".join(sorted({e.ifc_class for e in model.elements})[:12])
         raise BimVerifyError(f"{model.path} has none of the elements asked for; it has {there}.")
     return chosen
+
+
+def second_targets(samples: SurfaceSamples, chosen: NDArray[np.bool_]) -> Targets:
+    """Other points than the usual ones, twice as many: plans are held against them."""
+    return pick_targets(samples, chosen, offset=1, thinner=SECOND_THINNER)
 
 
 def pick_targets(

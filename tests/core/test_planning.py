@@ -16,9 +16,11 @@ import pytest
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.jobs import plan, verify
 from bim_verify.core.options import VerifyOptions
-from bim_verify.core.planning.cover import greedy, improve, make_problem, prove, shared_enough
+from bim_verify.core.planning.cover import make_problem, shared_enough
+from bim_verify.core.planning.heuristics import greedy, improve
 from bim_verify.core.planning.options import PlanOptions
 from bim_verify.core.planning.outputs import OBJECT_TYPE, write_plan_csv, write_plan_ifc, write_plan_json
+from bim_verify.core.planning.proof import prove
 from bim_verify.core.planning.report import write_plan_report
 from bim_verify.core.planning.second_look import SecondLook, Views
 from bim_verify.core.planning.targets import Targets, pick_targets
