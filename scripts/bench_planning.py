@@ -76,7 +76,7 @@ def small_cases() -> None:
         model = random_rooms(seed)
         need = Requirement.of(PlanOptions(range_max=6.0), scanner)
         samples = sample_surface(model, 0.1)
-        targets = pick_targets(samples, np.ones(len(model.elements), np.bool_), thinner=2.0)
+        targets = pick_targets(model, samples, np.ones(len(model.elements), np.bool_), thinner=2.0)
         scene = build_scene(model)
         random = np.random.default_rng(seed)
         low, high = model.bounds[:, :2] + np.array([[0.6], [-0.6]])
@@ -143,7 +143,7 @@ def room() -> None:
     """Print the stations that the room needs by line of sight alone, and with range and incidence limits."""
     model = bays()
     walls = np.array([("floor" not in e.name and "ceiling" not in e.name) for e in model.elements])
-    targets = pick_targets(sample_surface(model, 0.1), walls)
+    targets = pick_targets(model, sample_surface(model, 0.1), walls)
     inner = inside(model, targets)
     scene, scanner = build_scene(model), PRESETS["medium"]
     x, y = np.meshgrid(np.arange(1.0, BAYS * BAY_M, 1.0), np.arange(1.0, DEPTH_M, 1.0), indexing="ij")

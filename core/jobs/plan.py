@@ -98,7 +98,7 @@ def _site(
 
 def _plan(site: Site, options: PlanOptions, scanner: Scanner, progress: Progress, watch: Stopwatch) -> PlanResult:
     need, everyone = Requirement.of(options, scanner), np.ones(len(site.chosen), np.bool_)
-    first, second = pick_targets(site.samples, site.chosen), second_targets(site.samples, site.chosen)
+    first, second = pick_targets(site.model, site.samples, site.chosen), second_targets(site.model, site.samples, site.chosen)
     if not len(first):
         raise BimVerifyError(f"Nothing of the chosen elements of {site.model.path} can be seen from anywhere.")
     existing = site.existing(first, need)
@@ -106,7 +106,7 @@ def _plan(site: Site, options: PlanOptions, scanner: Scanner, progress: Progress
     sees = _views(site, places, first, existing, scanner, need, progress.part(0.0, 0.4))
     sees_second = _views(site, places, second, site.existing(second, need), scanner, need, progress.part(0.4, 0.7))
     # stations are registered by all that they see in common, whether the plan asks for it or not
-    common = pick_targets(site.samples, everyone, thinner=LINK_THINNER)
+    common = pick_targets(site.model, site.samples, everyone, thinner=LINK_THINNER)
     scans_share = view_matrix(site.scene, places.position, common, scanner, registrable(scanner), progress.part(0.7, 0.8))
     linked = shared_enough(scans_share, common.area, options.overlap)
     watch.lap("visibility")
@@ -117,7 +117,7 @@ def _plan(site: Site, options: PlanOptions, scanner: Scanner, progress: Progress
     )
     order = in_order(choice.problem, [c for c in choice.chosen if c >= places.known], places.known)
     watch.lap("solving")
-    everything = second_targets(site.samples, everyone)
+    everything = second_targets(site.model, site.samples, everyone)
     before = site.existing(everything, need)
     forecasts = forecast(
         site, everything, places.position[order], scanner, options, goals, None if before is None else before.good

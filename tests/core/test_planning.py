@@ -25,6 +25,7 @@ from bim_verify.core.planning.proof import prove
 from bim_verify.core.planning.report import write_plan_report
 from bim_verify.core.planning.second_look import SecondLook, Views
 from bim_verify.core.planning.sentences import plan_sentence
+from bim_verify.core.planning.strips import face_widths
 from bim_verify.core.planning.targets import Targets, pick_targets
 from bim_verify.core.planning.visibility import Requirement, measured_well
 from bim_verify.core.quality import prediction
@@ -108,7 +109,9 @@ def test_two_places_are_replaced_by_one_that_covers_what_they_alone_do() -> None
 def test_nothing_is_asked_of_elements_that_cannot_get_a_level() -> None:
     """Ten points of 1 m2 on each of three elements, of which the place sees one, three and eight."""
     element = np.repeat(np.arange(3, dtype=np.int32), 10)
-    targets = Targets(np.arange(30), np.zeros((30, 3)), np.zeros((30, 3)), np.ones(30), element)
+    targets = Targets(
+        np.arange(30), np.zeros((30, 3)), np.zeros((30, 3)), np.ones(30), element, np.zeros((30, 3)), np.full(30, np.inf)
+    )
     sees = np.concatenate([np.arange(10) < k for k in (1, 3, 8)])[None]
     goals = set_goals(0.5, 3, targets, sees, targets, sees)
     assert goals.reachable == pytest.approx([0.1, 0.3, 0.8])
@@ -128,7 +131,9 @@ def test_views_are_limited_by_range_incidence_spacing_and_what_stands_between() 
     scene = build_scene(building_model(ROOM))
     point = np.array([[0.0, 2.0, 1.5], [5.999, 2.0, 1.5], [1.5, 0.0, 1.5], [0.0, 4.9, 1.5]])
     normal = np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [1.0, 0, 0]])
-    targets = Targets(np.arange(4), point, normal, np.ones(4), np.arange(4, dtype=np.int32))
+    targets = Targets(
+        np.arange(4), point, normal, np.ones(4), np.arange(4, dtype=np.int32), np.zeros((4, 3)), np.full(4, np.inf)
+    )
     station = np.array([2.0, 1.0, 1.5])
     free = Requirement(1.0, 1.0, math.radians(89.0), 50.0, 0.0)
 
@@ -140,6 +145,27 @@ def test_views_are_limited_by_range_incidence_spacing_and_what_stands_between() 
     assert seen(dataclasses.replace(free, range_max=2.0)) == [False, False, True, False]
     assert seen(dataclasses.replace(free, spacing=0.015)) == [False, False, True, False]
     assert seen(dataclasses.replace(free, bound=0.001)) == [False] * 4
+
+
+def test_a_slender_face_is_measured_only_where_a_beam_as_a_whole_must_fall_on_it() -> None:
+    model = building_model([box("bar", (0.0, 0.0, 0.0), (0.2, 0.03, 2.0))])
+    point = np.array([[0.2, 0.01, 1.0], [0.05, 0.03, 1.0]]) - model.origin
+    normal = np.array([[1.0, 0, 0], [0.0, 1, 0]])
+    element = np.zeros(2, np.int32)
+    across, width = face_widths(model, point, normal, element)
+    assert width == pytest.approx([0.03, 0.2], abs=1e-6)
+    assert np.abs(across) == pytest.approx(np.array([[0.0, 1, 0], [1.0, 0, 0]]), abs=1e-6)
+    targets = Targets(np.arange(2), point, normal, np.ones(2), element, across, width)
+    scene, free = build_scene(model), Requirement(1.0, 1.0, math.radians(89.0), 50.0, 0.0)
+    scanner = dataclasses.replace(SCANNER, angular_step=0.01, beam_exit_diameter=0.004, beam_divergence=0.0)
+
+    def seen(*position: float) -> bool:
+        return bool(measured_well(scene, np.array(position) - model.origin, targets, scanner, free)[0][0])
+
+    assert seen(2.7, 0.01, 1.0)  # 25 mm between beams, 4 mm of beam, 30 mm of bar
+    assert not seen(2.9, 0.01, 1.0)
+    assert not seen(2.0, 1.81, 1.0)  # its width is seen under 45 degrees
+    assert seen(2.0, 0.01, 2.8)  # along it that does not matter
 
 
 def test_a_plan_is_kept_when_it_is_simulated_and_verified(tmp_path: Path) -> None:
@@ -249,7 +275,8 @@ def test_no_such_elements_is_an_error() -> None:
 def test_targets_stand_for_the_whole_exposed_surface() -> None:
     from bim_verify.core.model.sample_surface import sample_surface
 
-    samples = sample_surface(building_model(ROOM), 0.1)
-    targets = pick_targets(samples, np.ones(len(ROOM), np.bool_))
+    model = building_model(ROOM)
+    samples = sample_surface(model, 0.1)
+    targets = pick_targets(model, samples, np.ones(len(ROOM), np.bool_))
     exposed = np.bincount(samples.element, weights=samples.area * samples.exposed)
     assert np.bincount(targets.element, weights=targets.area) == pytest.approx(exposed)
