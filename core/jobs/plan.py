@@ -118,9 +118,8 @@ def _plan(site: Site, options: PlanOptions, scanner: Scanner, progress: Progress
     order = in_order(choice.problem, [c for c in choice.chosen if c >= places.known], places.known)
     watch.lap("solving")
     everything = second_targets(site.model, site.samples, everyone)
-    before = site.existing(everything, need)
     forecasts = forecast(
-        site, everything, places.position[order], scanner, options, goals, None if before is None else before.good
+        site, everything, places.position[order], scanner, options, goals, site.existing(everything, need)
     )
     watch.lap("forecast")
     return PlanResult(

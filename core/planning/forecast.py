@@ -16,6 +16,7 @@ from ..sensing.loa import level_sigma
 from ..sensing.presets import ZONE_SIGMAS
 from ..simulation.scanner import Scanner
 from .cover import Array
+from .existing import Existing
 from .goals import Goals
 from .options import PlanOptions
 from .results import REACHED, ElementForecast
@@ -43,7 +44,7 @@ class _Expected:
     times: NDArray[np.int64]
     """Stations that measure it as required, those of an existing campaign as one."""
     spacing: Array
-    """Between the returns of all planned stations; infinite without."""
+    """Between the returns of all stations that do; infinite without."""
     sigma: Array
     """Of the best view, along the normal; infinite without."""
     reached_by: NDArray[np.int64]
@@ -52,12 +53,16 @@ class _Expected:
 
 def _expect(
     site: Site, targets: Targets, positions: Array, scanner: Scanner, options: PlanOptions, target: Array,
-    already: NDArray[np.bool_],
+    existing: Existing | None,
 ) -> _Expected:
     need, count = Requirement.of(options, scanner), len(site.chosen)
     area = np.maximum(np.bincount(targets.element, weights=targets.area, minlength=count), 1e-12)
-    times = already.astype(np.int64)
+    times = np.zeros(len(targets), np.int64)
     density, sigma = np.zeros(len(targets)), np.full(len(targets), np.inf)
+    if existing is not None:
+        times[existing.good] = 1
+        density[existing.good] = 1.0 / np.maximum(existing.spacing[existing.good], 1e-6) ** 2
+        sigma[existing.good] = existing.sigma
     reached = np.full(count, -1)
     for number in range(len(positions) + 1):
         if number:
@@ -76,15 +81,15 @@ def _expect(
 
 def forecast(
     site: Site, targets: Targets, positions: Array, scanner: Scanner, options: PlanOptions, goals: Goals,
-    already: NDArray[np.bool_] | None = None,
+    existing: Existing | None = None,
 ) -> list[ElementForecast]:
     """Expectations per element for stations at ``positions`` (S, 3), in order, over ``targets`` (P,) of all elements.
 
-    ``already`` (P,) targets that an existing campaign measures as required.
+    ``existing``: what a campaign that the plan adds to gives for these targets.
     """
     model, samples = site.model, site.samples
-    before = np.zeros(len(targets), np.bool_) if already is None else already
-    found = _expect(site, targets, positions, scanner, options, goals.target, before)
+    before = np.zeros(len(targets), np.bool_) if existing is None else existing.good
+    found = _expect(site, targets, positions, scanner, options, goals.target, existing)
     belief = 1.0 - (1.0 - station_belief(options)) ** found.times
     face = main_faces(
         model, number_faces(model),

@@ -240,6 +240,7 @@ def test_a_plan_adds_to_a_campaign_what_it_lacks() -> None:
     assert gained and all(f.coverage >= f.target > f.before for f in gained)
     assert found["screen"] in gained  # the campaign saw one side of it
     assert sum(len(more.completed(k)) for k in range(len(more.stations) + 1)) == len(more.asked)
+    assert all((f.loa or 0) >= 30 and f.spacing for f in more.asked)  # also of what the campaign alone measures
     sentence = plan_sentence(more)
     assert f"{len(more.stations)} more set-up" in sentence and "LOA30" in sentence
     assert all(f"{f.ifc_class} {f.name}" in sentence for f in gained)
