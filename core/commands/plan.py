@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from ..errors import BimVerifyError
 from ..planning.options import PlanOptions
-from ..planning.sentences import named, plan_sentence
 from ..progress import Progress
 from .checks import check_outputs, check_report, input_options, larger_than_zero, zero_or_more
 from .table import COMMON, MODEL, ORIGIN, Argument, Command, Outcome, Values
@@ -88,6 +87,8 @@ def _plan(values: Values, progress: Progress) -> Outcome:
 
 def plan_lines(result: PlanResult) -> list[str]:
     """The plan in a few lines for a person."""
+    from ..planning.sentences import named, plan_sentence  # here: the table of commands loads no library
+
     lines = [plan_sentence(result)]
     for number, station in enumerate(result.stations[:MOST_LINES], 1):
         x, y, z = station.position
