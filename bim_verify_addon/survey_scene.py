@@ -141,6 +141,8 @@ def forget(target: bpy.types.Scene) -> None:
 
 def show_plan(target: bpy.types.Scene, result: PlanResult) -> str:
     """Mark the planned stations, and return one sentence."""
+    from ..core.planning.sentences import plan_sentence  # here: enabling the extension must not wait for its libraries
+
     if not scene.element_objects(target):
         scene.show_model(target, result.model)
     show_stations(target, [
@@ -150,9 +152,7 @@ def show_plan(target: bpy.types.Scene, result: PlanResult) -> str:
         )
         for s in result.stations
     ], planned=True)
-    target[SUMMARY_KEY] = (
-        f"{len(result.stations)} set-ups, {result.minutes:.0f} minutes; at least {result.least} are needed."
-    )
+    target[SUMMARY_KEY] = plan_sentence(result)
     return str(target[SUMMARY_KEY])
 
 

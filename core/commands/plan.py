@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ..planning.results import PlanResult
 
 DEFAULT = PlanOptions()
+MOST_LINES = 12
 SCANNERS = ("auto", "fast", "medium", "fine")
 
 
@@ -86,22 +87,19 @@ def _plan(values: Values, progress: Progress) -> Outcome:
 
 def plan_lines(result: PlanResult) -> list[str]:
     """The plan in a few lines for a person."""
-    summary = result.summary()
-    more = " more" if result.existing else ""
-    least = "no plan over the places looked at has fewer" if result.optimal else f"at least {result.least} are needed"
-    lines = [
-        f"{len(result.stations)}{more} set-ups ({result.scanner.name} scanner, {result.minutes:.0f} min) give "
-        f"LOA{result.options.loa} on {summary['elements_reached']} of {summary['elements_asked']} elements; {least}."
-    ]
-    for station in result.stations[:12]:
+    from ..planning.sentences import named, plan_sentence  # here: the table of commands loads no library
+
+    lines = [plan_sentence(result)]
+    for number, station in enumerate(result.stations[:MOST_LINES], 1):
         x, y, z = station.position
         actions = f" [{', '.join(station.actions)}]" if station.actions else ""
+        complete = named(result.completed(number))
         lines.append(
-            f"  {station.name}: {x:.2f}, {y:.2f}, {z:.2f} - {station.new_area:.1f} m2 more on "
-            f"{len(station.for_elements)} elements{actions}"
+            f"  {station.name}: {x:.2f}, {y:.2f}, {z:.2f} - {station.minutes:.1f} min, {station.new_area:.1f} m2 more on "
+            f"{len(station.for_elements)} elements{actions}{f'; completes {complete}' if complete else ''}"
         )
-    if len(result.stations) > 12:
-        lines.append(f"  and {len(result.stations) - 12} more")
+    if len(result.stations) > MOST_LINES:
+        lines.append(f"  and {len(result.stations) - MOST_LINES} more")
     lines += [f"Note: {warning}" for warning in result.warnings[:5]]
     return lines
 

@@ -30,6 +30,8 @@ class Existing:
     distance: NDArray[np.float64]
     """Of the view that sees it best, or came closest to it."""
     spacing: NDArray[np.float64]
+    sigma: float
+    """Of a measured position along the normal [m]."""
     names: tuple[str, ...]
     positions: NDArray[np.float64]
     """(S, 3) metres, local frame."""
@@ -42,13 +44,13 @@ def start_from(quality: QualityResult, targets: Targets, need: Requirement) -> E
     row = targets.row
     best, spacing = quality.survey.best, quality.survey.spacing[row]
     noise = quality.whole.noise or 0.0
-    accurate = 2.0 * math.hypot(noise, quality.registration_sigma) <= need.bound
+    sigma = math.hypot(noise, quality.registration_sigma)
     with np.errstate(invalid="ignore"):
         good = (best.state[row] == SEEN) & (spacing <= need.spacing)
         good &= best.cosine[row] >= math.cos(need.max_incidence)
     return Existing(
-        good=good & accurate, state=best.state[row], cosine=best.cosine[row], distance=best.distance[row], spacing=spacing,
-        names=tuple(s.name for s in quality.stations),
+        good=good & (2.0 * sigma <= need.bound), state=best.state[row], cosine=best.cosine[row], distance=best.distance[row],
+        spacing=spacing, sigma=sigma, names=tuple(s.name for s in quality.stations),
         positions=np.array([s.position for s in quality.stations]).reshape(-1, 3) - quality.model.origin,
         steps=np.array([s.spacing_rad for s in quality.stations]),
     )

@@ -47,14 +47,15 @@ def write_plan_csv(path: str | Path, result: PlanResult) -> None:
     """One line per station, in the order to scan in; metres, model frame."""
     header = (
         "Name", "X_m", "Y_m", "Z_m", "Floor_m", "Minutes", "Area_m2", "NewArea_m2", "Actions", "LinkedTo", "Elements",
+        "Completes",
     )
     rows = (
         [
             guard(s.name), *(f"{x:.3f}" for x in s.position), "" if s.floor is None else f"{s.floor:.3f}",
             f"{s.minutes:.1f}", f"{s.area:.2f}", f"{s.new_area:.2f}", " ".join(s.actions), guard("; ".join(s.linked_to)),
-            " ".join(s.for_elements),
+            " ".join(s.for_elements), " ".join(f.global_id for f in result.completed(number)),
         ]
-        for s in result.stations
+        for number, s in enumerate(result.stations, 1)
     )
     with whole_file(path) as temporary:
         temporary.write_bytes(csv_bytes(header, rows))

@@ -9,6 +9,9 @@ from ..model.elements import BuildingModel
 from ..simulation.scanner import Scanner
 from .options import PlanOptions
 
+REACHED = 1e-6
+"""Share by which a coverage may miss its target: sums round."""
+
 
 @dataclass(frozen=True)
 class PlanStation:
@@ -29,7 +32,7 @@ class PlanStation:
     actions: tuple[str, ...] = ()
     """Of AO, RA, RD, IN, IR, in a plan that mends an existing campaign."""
     for_elements: tuple[str, ...] = ()
-    """GlobalIds of the elements that it brings to the level."""
+    """GlobalIds of the elements of which it measures something that no station before it does."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,10 @@ class ElementForecast:
     """Share that the plan had to cover: the coverage asked for, times ``reachable``."""
     coverage: float
     """Share of its exposed surface expected to be measured as required."""
+    before: float
+    """Of that, what an existing campaign measures already."""
+    reached_by: int
+    """The set-up (1, 2, ...) with which it reaches its target; 0 before any, -1 never."""
     belief: float
     """Expected mean belief that it is occupied, if it stands as planned."""
     spacing: float | None
@@ -88,9 +95,18 @@ class PlanResult:
         """Set-ups and scans together."""
         return sum(s.minutes for s in self.stations)
 
+    @property
+    def asked(self) -> list[ElementForecast]:
+        """The elements that the plan had to cover."""
+        return [f for f in self.forecasts if f.chosen and f.target > 0]
+
+    def completed(self, number: int) -> list[ElementForecast]:
+        """The elements that reach their target with set-up ``number`` (1, 2, ...); 0: with the existing campaign."""
+        return [f for f in self.asked if f.reached_by == number]
+
     def summary(self) -> dict[str, Any]:
         """The few numbers of the whole."""
-        asked = [f for f in self.forecasts if f.chosen and f.target > 0]
+        asked = self.asked
         return {
             "stations": len(self.stations),
             "existing_stations": len(self.existing),
@@ -101,6 +117,7 @@ class PlanResult:
             "loa": self.options.loa,
             "scanner": self.scanner.name,
             "elements_asked": len(asked),
-            "elements_reached": sum(f.coverage >= f.target - 1e-6 for f in asked),
-            "elements_out_of_reach": sum(f.chosen and f.reachable <= 0 for f in self.forecasts),
+            "elements_reached": sum(f.reached_by >= 0 for f in asked),
+            "elements_reached_before": len(self.completed(0)),
+            "elements_out_of_reach": sum(f.chosen and f.target <= 0 for f in self.forecasts),
         }

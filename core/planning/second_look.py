@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .cover import ENOUGH, Array
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class SecondLook:
     def lacking(self, chosen: list[int]) -> NDArray[np.bool_]:
         """(E,) elements of which the chosen places cover less of these points than the target and than can be reached."""
         covered = self._area(self.sees[chosen].any(axis=0))
-        return np.asarray(covered < np.minimum(self.target, self.reachable) - 1e-9)
+        return np.asarray(covered < np.minimum(self.target, self.reachable) - ENOUGH)
 
     def join(self, views: Views, elements: NDArray[np.bool_]) -> Views:
         """The views with the points of these elements as well, of which as much must be covered as can be up to the aim."""

@@ -11,12 +11,15 @@ from ..errors import BimVerifyError
 from ..model.elements import BuildingModel
 from ..model.samples import SurfaceSamples
 from .options import PlanOptions
+from .strips import face_widths
 
 Array = NDArray[np.float64]
 AREA_PER_POINT_M2 = 0.06
 FEWEST, MOST = 30, 300
 """Points on an element."""
 MOST_POINTS = 60_000
+SECOND_THINNER = 0.5
+"""The second set of points is twice as dense, and none of its points is in the first unless all are."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,10 @@ class Targets:
     area: Array
     """m2 of exposed surface that each stands for."""
     element: NDArray[np.int32]
+    across: Array
+    """(P, 3) unit vectors over the face, from its nearest edge to the opposite one."""
+    width: Array
+    """(P,) of the face in that direction; infinite without edges."""
 
     def __len__(self) -> int:
         return len(self.area)
@@ -49,8 +56,13 @@ def choose_elements(model: BuildingModel, options: PlanOptions) -> NDArray[np.bo
     return chosen
 
 
+def second_targets(model: BuildingModel, samples: SurfaceSamples, chosen: NDArray[np.bool_]) -> Targets:
+    """Other points than the usual ones, twice as many: plans are held against them."""
+    return pick_targets(model, samples, chosen, offset=1, thinner=SECOND_THINNER)
+
+
 def pick_targets(
-    samples: SurfaceSamples, chosen: NDArray[np.bool_], offset: int = 0, thinner: float = 1.0
+    model: BuildingModel, samples: SurfaceSamples, chosen: NDArray[np.bool_], offset: int = 0, thinner: float = 1.0
 ) -> Targets:
     """An even selection of the exposed samples of the chosen elements; another ``offset`` gives other points.
 
@@ -72,6 +84,6 @@ def pick_targets(
     rows = rows[taken]
     element = samples.element[rows]
     kept = np.bincount(element, minlength=count)
-    return Targets(
-        rows, samples.position[rows], samples.normal[rows], area[element] / np.maximum(kept[element], 1), element
-    )
+    position, normal = samples.position[rows], samples.normal[rows]
+    across, width = face_widths(model, position, normal, element)
+    return Targets(rows, position, normal, area[element] / np.maximum(kept[element], 1), element, across, width)

@@ -72,6 +72,9 @@ def measured_well(
     good = (cosine > math.cos(need.max_incidence)) & (distance <= need.range_max) & (distance >= scanner.range_min)
     good &= (spacing <= need.spacing) & (2.0 * sigma <= need.bound)
     if math.isfinite(need.range_max):
+        # across a slender face there must be room for a beam as a whole, wherever the grid of beams lies
+        clear = targets.width * np.sqrt(np.maximum(1.0 - np.einsum("ij,ij->i", ray, targets.across) ** 2, 0.0))
+        good &= clear >= distance * scanner.angular_step + 2.0 * scanner.beam_radius(distance)
         good &= 1.0 / (1.0 + (scanner.weakest_power / np.maximum(power, 1e-12)) ** 4) >= CERTAIN_RETURN
         elevation = np.arcsin(np.clip(ray[:, 2], -1.0, 1.0))
         good &= elevation >= scanner.elevation_min + EDGE_OF_VIEW_RAD

@@ -8,7 +8,7 @@ import numpy as np
 from markupsafe import Markup
 
 from ..results import LEVELS, STATUSES, VerificationResult
-from ..sensing.loa import UPPER_BOUND_M
+from ..sensing.loa import UPPER_BOUND_M, level_of
 from .palette import STATUS_LABELS, deviation_color, to_bytes
 from .rows import nice_limit_mm
 
@@ -91,7 +91,7 @@ def level_chart(result: VerificationResult) -> Markup:
     parts = [_line(x(v), TOP - 6, x(v), HEIGHT - BOTTOM) for v in (0, 25, 50, 75, 100)]
     parts += [_label(x(v), HEIGHT - BOTTOM + 16, f"{v}") for v in (0, 25, 50, 75, 100)]
     for k, level in enumerate(LEVELS):
-        reached = sum(_achieved(v.achieved_loa) >= level for v in seen)
+        reached = sum(level_of(v.achieved_loa) >= level for v in seen)
         share = 100.0 * reached / len(seen) if seen else 0.0
         ratio = np.array([v.confirmed_ratio.get(level, 0.0) for v in seen])
         area = 100.0 * float(ratio @ weight / weight.sum()) if weight.sum() > 0 else 0.0
@@ -109,10 +109,6 @@ def level_chart(result: VerificationResult) -> Markup:
         parts.append(_label(x(100) + 8, row + step / 2 + 1, f"{share:.0f} %", "start"))
     parts.append(_label((x(0) + x(100)) / 2, HEIGHT - 6, "% of elements (wide) and of the observed area (thin)"))
     return _svg(parts, "Share of elements and of observed area that reach each level of accuracy")
-
-
-def _achieved(label: str) -> int:
-    return int(label[3:]) if label.startswith("LOA") and label[3:].isdigit() else 0
 
 
 def _scale(low: float, high: float, start: float, end: float) -> Scale:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +14,13 @@ from .campaign import Grid, Station
 from .e57_header import ScanHeader, read_headers
 from .e57_pages import E57Pages
 from .e57_records import read_records
-from .scan_file import Columns, ScanFile, Setup, sensor_frame_setup
+from .scan_file import Columns, ScanFile, Setup, scan_frame_setup, sensor_frame_setup
+from .trajectory import Trajectory, trajectory_beside
 
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 _COLORS = ("colorRed", "colorGreen", "colorBlue")
+_TIME = "timeStamp"
 _LARGEST_SCAN = 2**40
 
 
@@ -38,7 +40,8 @@ class E57File(ScanFile):
 
     The scanner's position is known when a scan has a pose, spherical coordinates, or rows and columns (then it is in
     the sensor's own frame, as the standard says that a pose left out is the identity). A scan with none of these is a
-    cloud whose scanner nobody knows.
+    cloud whose scanner nobody knows. One scan alone, not in rows and columns, whose points have times (in seconds, as they are
+    stored) is that of a mobile scanner where its path stands beside the file (see ``trajectory``).
     """
 
     format = "E57"
@@ -49,7 +52,14 @@ class E57File(ScanFile):
             if not self._headers:
                 raise BimVerifyError(f"{path} holds no scans. Export the scan again.")
             setups = [self._setup(pages, header) for header in self._headers]
+        self._path = _path_beside(path, self._headers)
+        if self._path is not None:
+            first = setups[0].station
+            setups = [scan_frame_setup(Station(
+                first.name, np.zeros(3), known=False, sensor=first.sensor, acquired=first.acquired
+            ))]
         super().__init__(path, setups, [header.records.count for header in self._headers])
+        self.has_origins = self._path is not None
 
     def _setup(self, pages: E57Pages, header: ScanHeader) -> Setup:
         records = header.records
@@ -78,7 +88,7 @@ class E57File(ScanFile):
         records = header.records
         xyz = _coordinates(header)
         flag = "sphericalInvalidState" if xyz == _SPHERICAL else "cartesianInvalidState"
-        names = [*xyz, flag]
+        names = [*xyz, flag, *([_TIME] if self._path is not None else [])]
         if attributes:
             names += ["intensity", *_COLORS, "rowIndex", "columnIndex"]
         with E57Pages(self.path) as pages:
@@ -86,6 +96,10 @@ class E57File(ScanFile):
                 x, y, z = (np.asarray(values[name], np.float64) for name in xyz)
                 if xyz == _SPHERICAL:
                     _spherical_to_cartesian(x, y, z)
+                origin = None
+                if self._path is not None:
+                    x, y, z = header.rotation @ np.stack([x, y, z]) + header.position[:, None]
+                    origin = self._path.at(np.asarray(values[_TIME], np.float64))
                 yield Columns(
                     x, y, z,
                     invalid=(values[flag] != 0).view(np.uint8) if flag in values else None,
@@ -93,7 +107,14 @@ class E57File(ScanFile):
                     color=_color(header, values),
                     row=_index(values, "rowIndex"),
                     column=_index(values, "columnIndex"),
+                    origin=origin,
                 )
+
+
+def _path_beside(path: Path, headers: Sequence[ScanHeader]) -> Trajectory | None:
+    records = headers[0].records
+    timed = len(headers) == 1 and _TIME in records and "rowIndex" not in records
+    return trajectory_beside(path) if timed else None
 
 
 def _coordinates(header: ScanHeader) -> tuple[str, ...]:

@@ -261,7 +261,7 @@ def _prototype(image: Any, spool: ScanRows, names: Sequence[str], scaled_integer
             least = min(0, math.floor(low / scaled_integer_m))
             most = max(1, math.ceil(high / scaled_integer_m))
             node = libe57.ScaledIntegerNode(image, 0, least, most, scaled_integer_m, 0.0)
-        elif name in _AXES:
+        elif name in (*_AXES, "timeStamp"):
             node = libe57.FloatNode(image, 0.0, libe57.E57_DOUBLE)
         elif name == "intensity" or (":" in name and spool.dtype is not None and spool.dtype[name].kind == "f"):
             node = libe57.FloatNode(image, 0.0, libe57.E57_SINGLE)

@@ -20,6 +20,11 @@ def label(level: int | None) -> str:
     return f"LOA{level}" if level else "NONE"
 
 
+def level_of(text: str) -> int:
+    """30 of ``LOA30``; 0 of ``NONE`` and of anything else."""
+    return int(text[3:]) if text.startswith("LOA") and text[3:].isdigit() else 0
+
+
 def relative_tolerance(first: float, second: float, rule: Literal["quadratic", "linear"] = "quadratic") -> float:
     """Tolerance between two objects of tolerances T1 and T2, same unit: sqrt(T1^2 + T2^2) or T1 + T2."""
     return math.hypot(first, second) if rule == "quadratic" else first + second

@@ -35,7 +35,7 @@ def test_from_a_plan_to_a_simulated_scan_to_its_quality(blender: bpy.types.Scene
     assert bpy.ops.bim_verify.plan(loa="10", scanner="fast", coverage=0.5) == {"FINISHED"}
     planned = stations(blender, True)
     assert planned and all(len(i.data.vertices) > 10 for i in planned)
-    assert "set-ups" in blender[survey_scene.SUMMARY_KEY]
+    assert f"{len(planned)} set-up" in blender[survey_scene.SUMMARY_KEY]
 
     out = tmp_path / "scene.e57"
     assert bpy.ops.bim_verify.simulate(filepath=str(out), scanner="fast") == {"FINISHED"}

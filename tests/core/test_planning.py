@@ -16,11 +16,16 @@ import pytest
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.jobs import plan, verify
 from bim_verify.core.options import VerifyOptions
-from bim_verify.core.planning.cover import greedy, improve, make_problem, prove, shared_enough
+from bim_verify.core.planning.cover import make_problem, shared_enough
+from bim_verify.core.planning.goals import set_goals
+from bim_verify.core.planning.heuristics import greedy, improve
 from bim_verify.core.planning.options import PlanOptions
 from bim_verify.core.planning.outputs import OBJECT_TYPE, write_plan_csv, write_plan_ifc, write_plan_json
+from bim_verify.core.planning.proof import prove
 from bim_verify.core.planning.report import write_plan_report
 from bim_verify.core.planning.second_look import SecondLook, Views
+from bim_verify.core.planning.sentences import plan_sentence
+from bim_verify.core.planning.strips import face_widths
 from bim_verify.core.planning.targets import Targets, pick_targets
 from bim_verify.core.planning.visibility import Requirement, measured_well
 from bim_verify.core.quality import prediction
@@ -76,6 +81,44 @@ def test_the_exact_solution_is_the_smallest_linked_one(seed: int) -> None:
         assert problem.satisfied(proof.chosen) and len(proof.chosen) == smallest == proof.least
 
 
+def test_places_that_nothing_links_are_sites_of_their_own() -> None:
+    """Two rooms behind closed doors: places of one are linked to each other, never to those of the other."""
+    sees = np.zeros((6, 8), np.bool_)
+    sees[0, :2] = sees[1, 2:4] = sees[2, 1:3] = True
+    sees[3, 4:6] = sees[4, 6:8] = sees[5, 5:7] = True
+    linked = np.eye(6, dtype=np.bool_)
+    for a, b in ((0, 2), (1, 2), (3, 5), (4, 5)):
+        linked[a, b] = linked[b, a] = True
+    element = np.repeat([0, 1], 4).astype(np.int32)
+    problem = make_problem(sees, np.ones(8), element, np.array([4.0, 4.0]), (), linked)
+    everything = [0, 1, 2, 3, 4, 5]
+    assert problem.satisfied(everything) and len(problem.parts(everything)) == 2
+    assert not problem.satisfied([0, 1, 3, 4, 5]) and problem.loose([0, 1, 3, 4, 5]) == 1
+    assert sorted(improve(problem, greedy(problem))) == everything
+    proof = prove(problem, 6, 20.0)
+    assert proof.optimal and proof.least == 6 and sorted(proof.chosen or []) == everything
+
+
+def test_two_places_are_replaced_by_one_that_covers_what_they_alone_do() -> None:
+    sees = np.array([[1, 0, 1, 0, 0], [0, 1, 0, 1, 0], [1, 1, 1, 1, 0], [0, 0, 0, 0, 1]], dtype=np.bool_)
+    element = np.array([0, 0, 1, 1, 2], np.int32)
+    problem = make_problem(sees, np.ones(5), element, np.array([2.0, 2.0, 1.0]), (), np.ones((4, 4), np.bool_))
+    assert sorted(improve(problem, [0, 1, 3])) == [2, 3]
+
+
+def test_nothing_is_asked_of_elements_that_cannot_get_a_level() -> None:
+    """Ten points of 1 m2 on each of three elements, of which the place sees one, three and eight."""
+    element = np.repeat(np.arange(3, dtype=np.int32), 10)
+    targets = Targets(
+        np.arange(30), np.zeros((30, 3)), np.zeros((30, 3)), np.ones(30), element, np.zeros((30, 3)), np.full(30, np.inf)
+    )
+    sees = np.concatenate([np.arange(10) < k for k in (1, 3, 8)])[None]
+    goals = set_goals(0.5, 3, targets, sees, targets, sees)
+    assert goals.reachable == pytest.approx([0.1, 0.3, 0.8])
+    assert goals.target == pytest.approx([0.0, 0.2, 0.4])
+    assert (goals.views.need[0], goals.look.target[0]) == (0.0, 0.0)
+
+
 def test_known_places_cost_nothing_and_stay() -> None:
     problem = random_problem(1)
     known = dataclasses.replace(problem, known=np.array([0, 1]))
@@ -88,7 +131,9 @@ def test_views_are_limited_by_range_incidence_spacing_and_what_stands_between() 
     scene = build_scene(building_model(ROOM))
     point = np.array([[0.0, 2.0, 1.5], [5.999, 2.0, 1.5], [1.5, 0.0, 1.5], [0.0, 4.9, 1.5]])
     normal = np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [1.0, 0, 0]])
-    targets = Targets(np.arange(4), point, normal, np.ones(4), np.arange(4, dtype=np.int32))
+    targets = Targets(
+        np.arange(4), point, normal, np.ones(4), np.arange(4, dtype=np.int32), np.zeros((4, 3)), np.full(4, np.inf)
+    )
     station = np.array([2.0, 1.0, 1.5])
     free = Requirement(1.0, 1.0, math.radians(89.0), 50.0, 0.0)
 
@@ -100,6 +145,27 @@ def test_views_are_limited_by_range_incidence_spacing_and_what_stands_between() 
     assert seen(dataclasses.replace(free, range_max=2.0)) == [False, False, True, False]
     assert seen(dataclasses.replace(free, spacing=0.015)) == [False, False, True, False]
     assert seen(dataclasses.replace(free, bound=0.001)) == [False] * 4
+
+
+def test_a_slender_face_is_measured_only_where_a_beam_as_a_whole_must_fall_on_it() -> None:
+    model = building_model([box("bar", (0.0, 0.0, 0.0), (0.2, 0.03, 2.0))])
+    point = np.array([[0.2, 0.01, 1.0], [0.05, 0.03, 1.0]]) - model.origin
+    normal = np.array([[1.0, 0, 0], [0.0, 1, 0]])
+    element = np.zeros(2, np.int32)
+    across, width = face_widths(model, point, normal, element)
+    assert width == pytest.approx([0.03, 0.2], abs=1e-6)
+    assert np.abs(across) == pytest.approx(np.array([[0.0, 1, 0], [1.0, 0, 0]]), abs=1e-6)
+    targets = Targets(np.arange(2), point, normal, np.ones(2), element, across, width)
+    scene, free = build_scene(model), Requirement(1.0, 1.0, math.radians(89.0), 50.0, 0.0)
+    scanner = dataclasses.replace(SCANNER, angular_step=0.01, beam_exit_diameter=0.004, beam_divergence=0.0)
+
+    def seen(*position: float) -> bool:
+        return bool(measured_well(scene, np.array(position) - model.origin, targets, scanner, free)[0][0])
+
+    assert seen(2.7, 0.01, 1.0)  # 25 mm between beams, 4 mm of beam, 30 mm of bar
+    assert not seen(2.9, 0.01, 1.0)
+    assert not seen(2.0, 1.81, 1.0)  # its width is seen under 45 degrees
+    assert seen(2.0, 0.01, 2.8)  # along it that does not matter
 
 
 def test_a_plan_is_kept_when_it_is_simulated_and_verified(tmp_path: Path) -> None:
@@ -170,6 +236,14 @@ def test_a_plan_adds_to_a_campaign_what_it_lacks() -> None:
     assert more.existing == ("first",)
     assert 0 < len(more.stations) <= len(alone.stations)
     assert any("AO" in s.actions for s in more.stations)
+    found, gained = {f.name: f for f in more.forecasts}, [f for f in more.asked if f.reached_by > 0]
+    assert gained and all(f.coverage >= f.target > f.before for f in gained)
+    assert found["screen"] in gained  # the campaign saw one side of it
+    assert sum(len(more.completed(k)) for k in range(len(more.stations) + 1)) == len(more.asked)
+    assert all((f.loa or 0) >= 30 and f.spacing for f in more.asked)  # also of what the campaign alone measures
+    sentence = plan_sentence(more)
+    assert f"{len(more.stations)} more set-up" in sentence and "LOA30" in sentence
+    assert all(f"{f.ifc_class} {f.name}" in sentence for f in gained)
 
 
 def test_files_of_a_plan(tmp_path: Path) -> None:
@@ -202,7 +276,8 @@ def test_no_such_elements_is_an_error() -> None:
 def test_targets_stand_for_the_whole_exposed_surface() -> None:
     from bim_verify.core.model.sample_surface import sample_surface
 
-    samples = sample_surface(building_model(ROOM), 0.1)
-    targets = pick_targets(samples, np.ones(len(ROOM), np.bool_))
+    model = building_model(ROOM)
+    samples = sample_surface(model, 0.1)
+    targets = pick_targets(model, samples, np.ones(len(ROOM), np.bool_))
     exposed = np.bincount(samples.element, weights=samples.area * samples.exposed)
     assert np.bincount(targets.element, weights=targets.area) == pytest.approx(exposed)

@@ -11,8 +11,10 @@ import pytest
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.jobs import quality
 from bim_verify.core.quality.options import QualityOptions
+from bim_verify.core.scans.campaign import ReturnBlock, Station
 from bim_verify.core.scans.mobile import STRETCH_M
 from bim_verify.core.scans.open import open_scans
+from bim_verify.core.scans.write_e57 import write_e57
 from bim_verify.core.scans.write_ply import write_ply
 from bim_verify.core.simulation.box_building import box, building_model
 from bim_verify.core.simulation.scene import build_scene
@@ -105,6 +107,24 @@ def write_with_times(folder: Path, point: np.ndarray, place: np.ndarray, header:
     lines = [f"{5000.0 + v - place[:, 0].min():.6f},{v:.6f},{place[0, 1]:.6f},{place[0, 2]:.6f}" for v in x]
     (folder / "walk.trajectory.csv").write_text("\n".join([*([header] if header else []), *lines]), encoding="utf-8")
     return path
+
+
+def test_a_path_beside_an_e57_with_times_says_where_each_point_was_measured_from(tmp_path: Path) -> None:
+    """The scan has a pose, its path does not: both are in the file's frame."""
+    point, place = walk()
+    write_with_times(tmp_path, point, place, "")
+    turn, shift = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), ORIGIN + np.array([1.0, 2.0, 0.5])
+    time = {"timeStamp": 5000.0 + place[:, 0] - place[:, 0].min()}
+    block = ReturnBlock(station=0, offsets=point - shift, extra=time)
+    write_e57(tmp_path / "walk.e57", [Station("walk", shift, turn)], [block])
+    by_las, by_e57 = open_scans([tmp_path / "walk.las"]), open_scans([tmp_path / "walk.e57"])
+    assert len(by_e57.stations) == len(by_las.stations) and all(s.known for s in by_e57.stations)
+    for a, b in zip(by_e57.stations, by_las.stations, strict=True):
+        assert np.abs(a.position - b.position).max() < 1e-5
+    found = np.concatenate([b.offsets + by_e57.stations[b.station].position for b in by_e57.blocks(5000)])
+    assert np.abs(np.sort(found, axis=0) - np.sort(point, axis=0)).max() < 1e-5
+    (tmp_path / "walk.trajectory.csv").unlink()
+    assert len(open_scans([tmp_path / "walk.e57"]).stations) == 1
 
 
 @pytest.mark.parametrize("header", ["", "Time,X,Y,Z"])
