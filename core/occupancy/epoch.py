@@ -32,7 +32,7 @@ def occupied_voxels(
     return votes.occupied()
 
 
-def owned(returns: NDArray[np.float64], sector: NDArray[np.float64] | None) -> NDArray[np.bool_] | None:
+def owned(returns: NDArray[np.float32], sector: NDArray[np.float64] | None) -> NDArray[np.bool_] | None:
     """(N,) whether a tile's azimuth range (2,) [rad] holds each return (N, 3); None when it is all of them."""
     return None if sector is None else in_sector(returns, *sector)
 

@@ -9,6 +9,7 @@ import numpy as np
 from numba import get_num_threads, njit, prange
 from numpy.typing import NDArray
 
+from ..evidence.station_index import place
 from .bricks import BrickTable, find, insert
 from .grid import CELLS, VoxelGrid, brick_key, cell_of
 
@@ -24,7 +25,7 @@ be lost to incidence and to the surface's course through the voxel."""
 
 @njit(cache=True, nogil=True, parallel=True)
 def _place(
-    offsets: NDArray[np.float64], own: NDArray[np.bool_], station: NDArray[np.float64], anchor: NDArray[np.float64],
+    offsets: NDArray[np.float32], own: NDArray[np.bool_], station: NDArray[np.float64], anchor: NDArray[np.float64],
     edge: float, expected: float, least: int, key: NDArray[np.int64], cell: NDArray[np.int32], weight: NDArray[np.int32],
 ) -> None:
     """Brick key (-1: another tile's return), cell and weight of each return."""
@@ -33,7 +34,7 @@ def _place(
         if len(own) and not own[n]:
             key[n] = -1
             continue
-        x, y, z = offsets[n, 0], offsets[n, 1], offsets[n, 2]
+        x, y, z = place(offsets, n)
         i, j, k = math.floor((x + sx) / edge), math.floor((y + sy) / edge), math.floor((z + sz) / edge)
         key[n], cell[n] = brick_key(i, j, k), cell_of(i, j, k)
         wanted = int(min(max(expected / (x * x + y * y + z * z) + 0.5, 1.0), least))
@@ -116,7 +117,7 @@ class Votes:
         self._table = BrickTable(self._keys[: self._used].copy(), len(self._keys))
 
     def add(
-        self, offsets: NDArray[np.float64], station: NDArray[np.float64], spacing_rad: float,
+        self, offsets: NDArray[np.float32], station: NDArray[np.float64], spacing_rad: float,
         own: NDArray[np.bool_] | None = None,
     ) -> None:
         """Enter returns (N, 3) [m, from the station] of a ``station`` (3,) [m, local frame]; only the ``own`` (N,) ones."""
@@ -125,7 +126,7 @@ class Votes:
             self._add(offsets[part], station, spacing_rad, np.zeros(0, np.bool_) if own is None else own[part])
 
     def _add(
-        self, offsets: NDArray[np.float64], station: NDArray[np.float64], spacing_rad: float, own: NDArray[np.bool_]
+        self, offsets: NDArray[np.float32], station: NDArray[np.float64], spacing_rad: float, own: NDArray[np.bool_]
     ) -> None:
         count, edge = len(offsets), self.grid.edge
         key = np.empty(count, np.int64)
