@@ -65,7 +65,7 @@ def settled(occupied: Occupied, table: BrickTable, wanted: NDArray[np.bool_]) ->
     A ray that grazes an occupied voxel, and noise at the border of two, would else empty what stands.
     """
     state = np.zeros((len(table), CELLS), np.uint8)
-    around = occupied.table.rows(neighbour_keys(table.keys).ravel()).reshape(-1, 27)
+    around = occupied.table.around(table.keys)
     _settle(wanted, around, occupied.cells, state)
     return state
 
