@@ -9,6 +9,7 @@ a voxel. The question put to a ray is the exact one, whether its clear part meet
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit, prange
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..evidence.station_index import place, pseudo_azimuth, pseudo_elevation
 from ..parallel import spread
-from .grid import CELLS, brick_corner
+from .grid import CELLS, SIDE, brick_corner
 from .station_rays import PATCH, StationRays
 from .surface_fit import patch_of
 
@@ -32,6 +33,8 @@ AROUND_SPACINGS = 1.1
 """Rays this close around a direction enclose it (a square grid of rays leaves 0.71 spacings at most)."""
 FEWEST_AROUND = 3
 BRICKS_AT_ONCE = 64
+LOWER = np.uint64(0xFFFFFFFF)
+"""The first four of eight voxels."""
 SPARSE_SPACING = 0.5
 """Rays farther apart than this many voxels may miss some (the shortest way through a voxel's middle section)."""
 
@@ -200,20 +203,31 @@ def _between(
     return 0
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _open(wanted: NDArray[np.uint64], labels: NDArray[np.uint64], row: int, run: int) -> np.uint64:
+    """Of a run of eight voxels along z, a byte each: 1 where it is wanted and no ray has passed it yet."""
+    return wanted[row, run] & ~labels[row, run]
+
+
 @njit(cache=True, nogil=True)
-def _wanted_eighths(wanted: NDArray[np.bool_], labels: NDArray[np.uint8]) -> int:
-    """A bit for each eighth of a brick that holds a wanted voxel which no ray has passed yet."""
+def _open_eighths(wanted: NDArray[np.uint64], labels: NDArray[np.uint64], row: int) -> int:
+    """A bit for each eighth of a brick that holds an open voxel."""
     some = 0
-    for cell in range(CELLS):
-        if wanted[cell] and not labels[cell] & PASSED:
-            some |= 1 << ((cell >> 6) & 4 | (cell >> 4) & 2 | (cell >> 2) & 1)
+    for run in range(CELLS // SIDE):
+        voxels = _open(wanted, labels, row, run)
+        if voxels:
+            first = (run >> 3) & 4 | (run >> 1) & 2
+            if voxels & LOWER:
+                some |= 1 << first
+            if voxels & ~LOWER:
+                some |= 2 << first
     return some
 
 
 @njit(cache=True, nogil=True, parallel=True)
 def _label(
-    keys: NDArray[np.int64], wanted: NDArray[np.bool_], station: NDArray[np.float64], anchor: NDArray[np.float64],
-    edge: float, sector: NDArray[np.float64], spacing_rad: float,
+    keys: NDArray[np.int64], wanted: NDArray[np.uint64], labels_of_runs: NDArray[np.uint64], station: NDArray[np.float64],
+    anchor: NDArray[np.float64], edge: float, sector: NDArray[np.float64], spacing_rad: float,
     end: NDArray[np.float32], bin_start: NDArray[np.int32], rows: float, row_start: NDArray[np.int64],
     patch_start: NDArray[np.int64], limit: NDArray[np.float32], bound: NDArray[np.float32],
     nearest: NDArray[np.float32], longest: NDArray[np.float32], plane: NDArray[np.float32],
@@ -225,7 +239,7 @@ def _label(
     for turn in prange(blocks):
         begin = turn * stride % blocks * BRICKS_AT_ONCE
         for row in range(begin, min(begin + BRICKS_AT_ONCE, len(keys))):
-            some = _wanted_eighths(wanted[row], labels[row])
+            some = _open_eighths(wanted, labels_of_runs, row)
             if some == 0:
                 continue
             i0, j0, k0 = brick_corner(keys[row])
@@ -263,51 +277,62 @@ def _label(
                         )
                     if out_of_reach:
                         hidden |= 1 << part
-            for cell in range(CELLS):
-                if not wanted[row, cell] or labels[row, cell] & PASSED:
+            for run in range(CELLS // SIDE):
+                voxels = _open(wanted, labels_of_runs, row, run)
+                if voxels == 0:
                     continue
-                if hidden >> ((cell >> 6) & 4 | (cell >> 4) & 2 | (cell >> 2) & 1) & 1:
+                covered = hidden >> ((run >> 3) & 4 | (run >> 1) & 2) & 3
+                if covered == 3:
                     continue
-                x = ox + edge * ((cell >> 6) + 0.5)
-                y = oy + edge * (((cell >> 3) & 7) + 0.5)
-                z = oz + edge * ((cell & 7) + 0.5)
-                square = x * x + y * y
-                rho = math.sqrt(square)
-                if not far:
-                    distance = math.sqrt(square + z * z)
-                    if distance <= 2.0 * CORNER * edge:
+                for k in range(SIDE):
+                    if not (voxels >> np.uint64(8 * k)) & np.uint64(1) or covered >> (k >> 2) & 1:
+                        continue
+                    cell = run * SIDE + k
+                    x = ox + edge * ((cell >> 6) + 0.5)
+                    y = oy + edge * (((cell >> 3) & 7) + 0.5)
+                    z = oz + edge * ((cell & 7) + 0.5)
+                    square = x * x + y * y
+                    rho = math.sqrt(square)
+                    if not far:
+                        distance = math.sqrt(square + z * z)
+                        if distance <= 2.0 * CORNER * edge:
+                            labels[row, cell] |= PASSED
+                            continue
+                        cap = 1.02 * CORNER * edge / (distance - CORNER * edge)
+                        cap_half = _half_azimuth(rho / distance, cap)
+                    elevation, azimuth = pseudo_elevation(rho, z), pseudo_azimuth(x, y)
+                    r = min(max(int((elevation + 1.0) * 0.5 * rows), 0), len(row_start) - 2)
+                    columns = row_start[r + 1] - row_start[r]
+                    column = min(int(azimuth * 0.25 * columns), columns - 1)
+                    own = row_start[r] + column
+                    patches = patch_start[r // PATCH]
+                    wide = patch_start[r // PATCH + 1] - patches
+                    patch = patches + min(int(azimuth * 0.25 * wide), wide - 1)
+                    behind = (
+                        wide >= 32 and cap * 0.5 * rows <= 1.0 and cap_half * 0.56 * wide <= 1.0
+                        and _depth(patch, limit, x, y, z, 0.5 * edge) > limit[patch, 3]
+                    )  # most voxels behind a surface; near a pole rows differ too much for one bin more to be wide enough
+                    if not behind and _passed(
+                        x, y, z, edge, cap, cap_half, elevation, azimuth, own,
+                        patches + patch_of(column, columns, wide), end, bin_start, rows, row_start, patch_start, limit, bound,
+                    ):
                         labels[row, cell] |= PASSED
                         continue
-                    cap = 1.02 * CORNER * edge / (distance - CORNER * edge)
-                    cap_half = _half_azimuth(rho / distance, cap)
-                elevation, azimuth = pseudo_elevation(rho, z), pseudo_azimuth(x, y)
-                r = min(max(int((elevation + 1.0) * 0.5 * rows), 0), len(row_start) - 2)
-                columns = row_start[r + 1] - row_start[r]
-                column = min(int(azimuth * 0.25 * columns), columns - 1)
-                own = row_start[r] + column
-                patches = patch_start[r // PATCH]
-                wide = patch_start[r // PATCH + 1] - patches
-                patch = patches + min(int(azimuth * 0.25 * wide), wide - 1)
-                behind = (
-                    wide >= 32 and cap * 0.5 * rows <= 1.0 and cap_half * 0.56 * wide <= 1.0
-                    and _depth(patch, limit, x, y, z, 0.5 * edge) > limit[patch, 3]
-                )  # most voxels behind a surface; near a pole rows differ too much for one bin more to be wide enough
-                if not behind and _passed(
-                    x, y, z, edge, cap, cap_half, elevation, azimuth, own,
-                    patches + patch_of(column, columns, wide), end, bin_start, rows, row_start, patch_start, limit, bound,
-                ):
-                    labels[row, cell] |= PASSED
-                    continue
-                distance = math.sqrt(square + z * z)
-                if spacing_rad * distance > SPARSE_SPACING * edge and longest[own] > distance - CORNER * edge:
-                    if sector[1] - sector[0] < 2.0 * math.pi:
-                        angle = math.atan2(y, x) % (2.0 * math.pi)
-                        if angle < sector[0] or angle >= sector[1]:
-                            continue
-                    labels[row, cell] |= np.uint8(_between(
-                        x, y, z, distance, edge, elevation, azimuth, rho / distance, patch, spacing_rad, bin_start, rows,
-                        row_start, nearest, plane,
-                    ))
+                    distance = math.sqrt(square + z * z)
+                    if spacing_rad * distance > SPARSE_SPACING * edge and longest[own] > distance - CORNER * edge:
+                        if sector[1] - sector[0] < 2.0 * math.pi:
+                            angle = math.atan2(y, x) % (2.0 * math.pi)
+                            if angle < sector[0] or angle >= sector[1]:
+                                continue
+                        labels[row, cell] |= np.uint8(_between(
+                            x, y, z, distance, edge, elevation, azimuth, rho / distance, patch, spacing_rad, bin_start, rows,
+                            row_start, nearest, plane,
+                        ))
+
+
+def _runs(cells: NDArray[Any]) -> NDArray[np.uint64]:
+    """(B, 64) the bytes (B, 512) of bricks, eight together, the first lowest."""
+    return cells.view("<u8")
 
 
 def label_voxels(
@@ -321,8 +346,7 @@ def label_voxels(
     """
     whole = np.array([0.0, 2.0 * math.pi + 1e-9])
     _label(
-        keys, wanted, station, anchor, edge, whole if sector is None else sector, rays.spacing_rad, rays.end,
-        rays.bin_start, rays.bins.rows, rays.bins.row_start, rays.patches.row_start, rays.limit, rays.bound,
-        rays.nearest, rays.longest, rays.plane,
-        rays.coarse.rows, rays.coarse.row_start, rays.coarse_farthest, rays.coarse_longest, labels,
+        keys, _runs(wanted), _runs(labels), station, anchor, edge, whole if sector is None else sector, rays.spacing_rad,
+        rays.end, rays.bin_start, rays.bins.rows, rays.bins.row_start, rays.patches.row_start, rays.limit, rays.bound,
+        rays.nearest, rays.longest, rays.plane, rays.coarse.rows, rays.coarse.row_start, rays.coarse_farthest, rays.coarse_longest, labels,
     )
