@@ -15,9 +15,10 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from ..evidence.station_index import place, pseudo_azimuth, pseudo_elevation
+from ..evidence.station_index import pseudo_azimuth, pseudo_elevation
 from ..parallel import spread
 from .grid import CELLS, SIDE, brick_corner
+from .ray_tests import all_before, any_farther, bin_passes, columns_within, depth, half_azimuth, rows_within
 from .station_rays import PATCH, StationRays
 from .surface_fit import patch_of
 
@@ -40,110 +41,6 @@ SPARSE_SPACING = 0.5
 
 
 @njit(cache=True, nogil=True)
-def _rows_within(elevation: float, radius: float, rows: float, last_row: int) -> tuple[int, int]:
-    """Rows that a cap of this radius [rad] may touch; the pseudo elevation never changes faster than the elevation."""
-    first = int((elevation - radius + 1.0) * 0.5 * rows)
-    last = int((elevation + radius + 1.0) * 0.5 * rows)
-    return min(max(first, 0), last_row), min(last, last_row)
-
-
-@njit(cache=True, nogil=True)
-def _columns_within(azimuth: float, half: float, columns: int) -> tuple[int, int]:
-    """First and last column that azimuths (pseudo, 0 ... 4) within ``half`` may touch; unwrapped, so below 0 too."""
-    if half >= 1.0:
-        return 0, columns - 1
-    first = math.floor((azimuth - half) * 0.25 * columns)
-    last = math.floor((azimuth + half) * 0.25 * columns)
-    if last - first >= columns:
-        return 0, columns - 1
-    return first, last
-
-
-@njit(cache=True, nogil=True)
-def _half_azimuth(cosine: float, radius: float) -> float:
-    """Upper bound of the half-width in azimuth [rad] of a cap around a direction of this ``cosine`` of the elevation; 4 where
-    the cap may hold a pole."""
-    if radius * 1.2 >= cosine:
-        return 4.0
-    ratio = radius / cosine
-    return ratio * (1.0 + 0.6 * ratio * ratio)
-
-
-@njit(cache=True, nogil=True)
-def _any_farther(
-    x: float, y: float, z: float, distance: float, radius: float, nearest: float, rows: float,
-    row_start: NDArray[np.int64], farthest: NDArray[np.float32],
-) -> bool:
-    """Whether any bin that a cap touches holds a ray that is clear beyond ``nearest`` metres."""
-    rho = math.sqrt(x * x + y * y)
-    first, last = _rows_within(pseudo_elevation(rho, z), radius, rows, len(row_start) - 2)
-    half = _half_azimuth(rho / distance, radius)
-    azimuth = pseudo_azimuth(x, y)
-    for row in range(first, last + 1):
-        base = row_start[row]
-        columns = row_start[row + 1] - base
-        c0, c1 = _columns_within(azimuth, half, columns)
-        for c in range(c0, c1 + 1):
-            if farthest[base + (c + columns if c < 0 else (c - columns if c >= columns else c))] > nearest:
-                return True
-    return False
-
-
-@njit(cache=True, nogil=True)
-def _all_before(
-    x: float, y: float, z: float, distance: float, radius: float, half_edge: float, rows: float,
-    patch_start: NDArray[np.int64], limit: NDArray[np.float32],
-) -> bool:
-    """Whether all rays of the patches that a cap touches end before the cube of half-length ``half_edge`` in it."""
-    rho = math.sqrt(x * x + y * y)
-    first, last = _rows_within(pseudo_elevation(rho, z), radius, rows, len(patch_start) - 2)
-    half = _half_azimuth(rho / distance, radius)
-    azimuth = pseudo_azimuth(x, y)
-    for row in range(first, last + 1):
-        base = patch_start[row]
-        wide = patch_start[row + 1] - base
-        c0, c1 = _columns_within(azimuth, half, wide)
-        for c in range(c0, c1 + 1):
-            p = base + (c + wide if c < 0 else (c - wide if c >= wide else c))
-            if _depth(p, limit, x, y, z, half_edge) <= limit[p, 3]:
-                return False
-    return True
-
-
-@njit(cache=True, nogil=True)
-def _meets(ex: float, ey: float, ez: float, x: float, y: float, z: float, half: float) -> bool:
-    """Whether the segment from 0 to e meets the cube of half-length ``half`` around (x, y, z): separating axes."""
-    ax, ay, az = abs(ex), abs(ey), abs(ez)
-    if abs(y * ez - z * ey) > half * (ay + az):
-        return False
-    if abs(z * ex - x * ez) > half * (az + ax):
-        return False
-    if abs(x * ey - y * ex) > half * (ax + ay):
-        return False
-    return (
-        abs(0.5 * ex - x) < half + 0.5 * ax and abs(0.5 * ey - y) < half + 0.5 * ay and abs(0.5 * ez - z) < half + 0.5 * az
-    )
-
-
-@njit(cache=True, nogil=True)
-def _bin_passes(
-    b: int, x: float, y: float, z: float, half: float, end: NDArray[np.float32], bin_start: NDArray[np.int32]
-) -> bool:
-    for i in range(bin_start[b], bin_start[b + 1]):
-        ex, ey, ez = place(end, i)
-        if _meets(ex, ey, ez, x, y, z, half):
-            return True
-    return False
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _depth(p: int, limit: NDArray[np.float32], x: float, y: float, z: float, half: float) -> float:
-    """How far the nearest corner of the cube around (x, y, z) lies along the vector of a patch's limit."""
-    nx, ny, nz = limit[p, 0], limit[p, 1], limit[p, 2]
-    return nx * x + ny * y + nz * z - half * (abs(nx) + abs(ny) + abs(nz))
-
-
-@njit(cache=True, nogil=True)
 def _passed(
     x: float, y: float, z: float, edge: float, radius: float, half: float, elevation: float, azimuth: float, own: int,
     patch: int, end: NDArray[np.float32], bin_start: NDArray[np.int32], rows: float, row_start: NDArray[np.int64],
@@ -154,19 +51,19 @@ def _passed(
     The voxel lies in a cap of ``radius`` [rad] with this ``half`` width in azimuth [rad].
     """
     half_edge = 0.5 * edge
-    if _depth(patch, limit, x, y, z, half_edge) <= bound[own] and _bin_passes(own, x, y, z, half_edge, end, bin_start):
+    if depth(patch, limit, x, y, z, half_edge) <= bound[own] and bin_passes(own, x, y, z, half_edge, end, bin_start):
         return True  # most voxels in free space
-    first, last = _rows_within(elevation, radius, rows, len(row_start) - 2)
+    first, last = rows_within(elevation, radius, rows, len(row_start) - 2)
     for row in range(first, last + 1):
         base = row_start[row]
         columns = row_start[row + 1] - base
         patches = patch_start[row // PATCH]
         wide = patch_start[row // PATCH + 1] - patches
-        c0, c1 = _columns_within(azimuth, half, columns)
+        c0, c1 = columns_within(azimuth, half, columns)
         for c in range(c0, c1 + 1):
             column = c + columns if c < 0 else (c - columns if c >= columns else c)
             b, p = base + column, patches + patch_of(column, columns, wide)
-            if b != own and _depth(p, limit, x, y, z, half_edge) <= bound[b] and _bin_passes(
+            if b != own and depth(p, limit, x, y, z, half_edge) <= bound[b] and bin_passes(
                 b, x, y, z, half_edge, end, bin_start
             ):
                 return True
@@ -182,13 +79,13 @@ def _between(
     """BETWEEN, SURFACE or neither, for a voxel that no ray meets and where rays lie farther apart than voxels."""
     half_diagonal = CORNER * edge
     around = AROUND_SPACINGS * spacing_rad
-    first, last = _rows_within(elevation, around, rows, len(row_start) - 2)
-    half = _half_azimuth(cosine, around)
+    first, last = rows_within(elevation, around, rows, len(row_start) - 2)
+    half = half_azimuth(cosine, around)
     seen, beyond = 0, True
     for row in range(first, last + 1):
         base = row_start[row]
         columns = row_start[row + 1] - base
-        c0, c1 = _columns_within(azimuth, half, columns)
+        c0, c1 = columns_within(azimuth, half, columns)
         for c in range(c0, c1 + 1):
             b = base + (c + columns if c < 0 else (c - columns if c >= columns else c))
             seen += bin_start[b + 1] - bin_start[b]
@@ -224,6 +121,35 @@ def _open_eighths(wanted: NDArray[np.uint64], labels: NDArray[np.uint64], row: i
     return some
 
 
+@njit(cache=True, nogil=True)
+def _hidden_eighths(
+    asked: int, ox: float, oy: float, oz: float, edge: float, radius: float, dense: bool, rows: float,
+    patch_start: NDArray[np.int64], limit: NDArray[np.float32], coarse_rows: float, coarse_start: NDArray[np.int64],
+    reach: NDArray[np.float32],
+) -> int:
+    """A bit for each eighth of the brick with its corner at (ox, oy, oz) that all rays end before, or that nobody asks about.
+
+    Each eighth lies in a cap of ``radius`` [rad]. Where rays lie ``dense`` their limits tell; else also what lies between
+    rays counts, so that only their ``reach`` does.
+    """
+    hidden = 0
+    for part in range(8):
+        x = ox + edge * (2.0 + 4.0 * (part >> 2))
+        y = oy + edge * (2.0 + 4.0 * ((part >> 1) & 1))
+        z = oz + edge * (2.0 + 4.0 * (part & 1))
+        away = math.sqrt(x * x + y * y + z * z)
+        if not asked >> part & 1:
+            out_of_reach = True
+        elif dense:
+            out_of_reach = all_before(x, y, z, away, radius, 2.0 * edge, rows / PATCH, patch_start, limit)
+        else:
+            nearest = away - 4.0 * CORNER * edge
+            out_of_reach = not any_farther(x, y, z, away, radius, nearest, coarse_rows, coarse_start, reach)
+        if out_of_reach:
+            hidden |= 1 << part
+    return hidden
+
+
 @njit(cache=True, nogil=True, parallel=True)
 def _label(
     keys: NDArray[np.int64], wanted: NDArray[np.uint64], labels_of_runs: NDArray[np.uint64], station: NDArray[np.float64],
@@ -252,31 +178,18 @@ def _label(
             dense = spacing_rad * (distance + size) <= SPARSE_SPACING * edge
             around = 0.0 if dense else AROUND_SPACINGS * spacing_rad
             reach = coarse_farthest if dense else coarse_longest
-            hidden = 0
             far = distance > 8.0 * size  # then the cap of any of its voxels serves all
             cap = 1.02 * CORNER * edge / max(distance - size - CORNER * edge, edge)
-            cap_half = _half_azimuth((math.sqrt(mx * mx + my * my) - size) / (distance + size), cap)
+            cap_half = half_azimuth((math.sqrt(mx * mx + my * my) - size) / (distance + size), cap)
+            hidden = 0
             if distance > 2.0 * size:
                 radius = max(1.02 * size / (distance - size), around)
-                if not _any_farther(mx, my, mz, distance, radius, distance - size, coarse_rows, coarse_start, reach):
+                if not any_farther(mx, my, mz, distance, radius, distance - size, coarse_rows, coarse_start, reach):
                     continue
-                radius = max(1.02 * 0.5 * size / (distance - size), around)
-                for part in range(8):
-                    if not some >> part & 1:
-                        hidden |= 1 << part
-                        continue
-                    x = ox + edge * (2.0 + 4.0 * (part >> 2))
-                    y = oy + edge * (2.0 + 4.0 * ((part >> 1) & 1))
-                    z = oz + edge * (2.0 + 4.0 * (part & 1))
-                    away = math.sqrt(x * x + y * y + z * z)
-                    if dense:
-                        out_of_reach = _all_before(x, y, z, away, radius, 2.0 * edge, rows / PATCH, patch_start, limit)
-                    else:
-                        out_of_reach = not _any_farther(
-                            x, y, z, away, radius, away - 0.5 * size, coarse_rows, coarse_start, reach
-                        )
-                    if out_of_reach:
-                        hidden |= 1 << part
+                hidden = _hidden_eighths(
+                    some, ox, oy, oz, edge, max(1.02 * 0.5 * size / (distance - size), around), dense, rows, patch_start, limit,
+                    coarse_rows, coarse_start, reach,
+                )
             for run in range(CELLS // SIDE):
                 voxels = _open(wanted, labels_of_runs, row, run)
                 if voxels == 0:
@@ -299,7 +212,7 @@ def _label(
                             labels[row, cell] |= PASSED
                             continue
                         cap = 1.02 * CORNER * edge / (distance - CORNER * edge)
-                        cap_half = _half_azimuth(rho / distance, cap)
+                        cap_half = half_azimuth(rho / distance, cap)
                     elevation, azimuth = pseudo_elevation(rho, z), pseudo_azimuth(x, y)
                     r = min(max(int((elevation + 1.0) * 0.5 * rows), 0), len(row_start) - 2)
                     columns = row_start[r + 1] - row_start[r]
@@ -310,7 +223,7 @@ def _label(
                     patch = patches + min(int(azimuth * 0.25 * wide), wide - 1)
                     behind = (
                         wide >= 32 and cap * 0.5 * rows <= 1.0 and cap_half * 0.56 * wide <= 1.0
-                        and _depth(patch, limit, x, y, z, 0.5 * edge) > limit[patch, 3]
+                        and depth(patch, limit, x, y, z, 0.5 * edge) > limit[patch, 3]
                     )  # most voxels behind a surface; near a pole rows differ too much for one bin more to be wide enough
                     if not behind and _passed(
                         x, y, z, edge, cap, cap_half, elevation, azimuth, own,
@@ -348,5 +261,6 @@ def label_voxels(
     _label(
         keys, _runs(wanted), _runs(labels), station, anchor, edge, whole if sector is None else sector, rays.spacing_rad,
         rays.end, rays.bin_start, rays.bins.rows, rays.bins.row_start, rays.patches.row_start, rays.limit, rays.bound,
-        rays.nearest, rays.longest, rays.plane, rays.coarse.rows, rays.coarse.row_start, rays.coarse_farthest, rays.coarse_longest, labels,
+        rays.nearest, rays.longest, rays.plane, rays.coarse.rows, rays.coarse.row_start, rays.coarse_farthest,
+        rays.coarse_longest, labels,
     )
