@@ -59,7 +59,8 @@ def _column(x: float, y: float, columns: int) -> int:
 @njit(cache=True, nogil=True, inline="always")
 def place(returns: NDArray[np.float32], i: int) -> tuple[float, float, float]:
     """A return in double precision [m, from the station]: what is computed with it is."""
-    return np.float64(returns[i, 0]), np.float64(returns[i, 1]), np.float64(returns[i, 2])
+    x, y, z = np.float64(returns[i, 0]), np.float64(returns[i, 1]), np.float64(returns[i, 2])
+    return float(x), float(y), float(z)
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numba
 import numpy as np
 import pytest
@@ -16,9 +18,10 @@ from bim_verify.core.occupancy.grid import CELLS, VoxelGrid, keys_of, voxel_inde
 from bim_verify.core.occupancy.station_rays import station_rays
 from bim_verify.core.occupancy.traverse import walk_rays
 from bim_verify.core.occupancy.votes import Votes
+from bim_verify.core.parallel import spread
 from bim_verify.core.progress import Progress
 from bim_verify.core.scans.campaign import Station
-from bim_verify.core.scans.store import ReturnStore
+from bim_verify.core.scans.store import ReturnStore, in_sector
 from bim_verify.core.simulation.box_building import ArraySource
 
 SIZE = np.array([3.0, 2.4, 2.0])
@@ -57,8 +60,9 @@ def test_grid_is_fixed_to_the_model_frame() -> None:
     assert np.allclose(center, there, atol=1e-9)
 
 
-def test_fast_labels_equal_exact_traversal() -> None:
-    rays = station_rays(build_index(room(60_000)), 60_000, GRID.edge)
+@pytest.mark.parametrize("count", [60_000, 400_000])  # rays farther apart than half a voxel, and closer
+def test_fast_labels_equal_exact_traversal(count: int) -> None:
+    rays = station_rays(build_index(room(count)), count, GRID.edge)
     table = all_bricks()
     walked = np.zeros((len(table), CELLS), np.bool_)
     steps = walk_rays(rays.end, STATION, GRID.anchor, GRID.edge, table, walked)
@@ -96,6 +100,20 @@ def test_a_dense_scan_needs_three_returns_and_a_sparse_one_says_that_it_does_not
     sparse.add(spot, np.zeros(3), 0.03)
     assert dense.occupied().count == 0
     assert sparse.occupied().count == 1 and sparse.occupied().sparse == 1
+
+
+def test_sectors_share_out_all_directions_in_single_precision() -> None:
+    direction = np.array([[1.0, -1e-9, 0.0], [1.0, 0.0, 0.0], [-1.0, 1e-9, 0.3], [-1.0, -1e-9, 0.3]], np.float32)
+    edges = [0.0, 1.0, np.pi, 2 * np.pi + 1e-9]
+    assert (sum(in_sector(direction, a, b).astype(int) for a, b in pairwise(edges)) == 1).all()
+
+
+@pytest.mark.parametrize("total", [1, 2, 7, 64, 997, 1000])
+def test_spread_work_comes_once_and_evenly(total: int) -> None:
+    parts = np.arange(total) * spread(total) % total
+    assert (np.sort(parts) == np.arange(total)).all()
+    if total > 50:
+        assert abs(parts[: total // 2].mean() - total / 2) < 0.05 * total
 
 
 def observed(memory_gb: float, order: np.ndarray | None = None, swap: bool = False) -> np.ndarray:
