@@ -117,7 +117,7 @@ class StationIndexes:
                     self._store.release(station)
                 elif index.photo is None:
                     self._store.rewrite(station, index.returns)
-                    self._sorted[station] = replace(index, returns=np.zeros((0, 3)))
+                    self._sorted[station] = replace(index, returns=np.zeros((0, 3), np.float32))
                 return
         measured = median_spacing(np.concatenate(angles))
         self.spacing[station] = measured if measured > 0 else rough

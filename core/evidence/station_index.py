@@ -142,7 +142,7 @@ def _settle_bin(points: NDArray[np.float32], own: NDArray[np.bool_], begin: int,
 
 
 @njit(cache=True, nogil=True, parallel=True)
-def settle_order(points: NDArray[np.float32], own: NDArray[np.bool_], start: NDArray[np.int64]) -> None:
+def settle_order(points: NDArray[np.float32], own: NDArray[np.bool_], start: NDArray[np.signedinteger[Any]]) -> None:
     """Put the points of each bin, and what is said of each (``own``, may be empty), in an order that is theirs alone, so that
     the order of reading changes no digit of a sum."""
     parts = (len(start) - 2) // BINS_AT_ONCE + 1

@@ -36,16 +36,16 @@ def _place(
     """
     sx, sy, sz = station[0] - anchor[0], station[1] - anchor[1], station[2] - anchor[2]
     for run in prange((len(offsets) + RUN - 1) // RUN):
-        last_key, last_row = np.int64(-1), np.int32(-1)
+        last_key, last_row = -1, -1
         for n in range(run * RUN, min((run + 1) * RUN, len(offsets))):
             if len(own) and not own[n]:
                 key[n], row[n] = -1, -1
                 continue
             x, y, z = place(offsets, n)
             i, j, k = math.floor((x + sx) / edge), math.floor((y + sy) / edge), math.floor((z + sz) / edge)
-            here = np.int64(brick_key(i, j, k))
+            here = brick_key(i, j, k)
             if here != last_key:
-                last_key, last_row = here, np.int32(find(here, slot_key, slot_row))
+                last_key, last_row = here, find(here, slot_key, slot_row)
             key[n], row[n], cell[n] = here, last_row, cell_of(i, j, k)
             wanted = int(min(max(expected / (x * x + y * y + z * z) + 0.5, 1.0), least))
             weight[n] = (VOTE * least) // wanted
