@@ -165,7 +165,7 @@ class ReturnStore:
         photo = np.concatenate(self._photo[station]) if self._photo[station] else None
         sectors = int(np.ceil(len(returns) * INDEX_BYTES_PER_RETURN / (0.6 * self._budget)))
         if sectors <= 1:
-            yield Tile(np.asarray(returns), 0.0, 2 * np.pi + 1e-9, photo)
+            yield Tile(self.whole(station), 0.0, 2 * np.pi + 1e-9, photo)
             return
         edges = self._equal_sectors(returns, sectors)
         for first, last in pairwise(edges):
