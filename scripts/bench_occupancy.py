@@ -224,7 +224,7 @@ def _dilate(around: NDArray[np.int32], cells: NDArray[np.bool_], reach: int, out
 def surroundings(source: BrickTable, cells: NDArray[np.bool_]) -> tuple[BrickTable, NDArray[np.bool_]]:
     """Bricks, and (B, 512) their voxels within NEAR_VOXELS of a set cell of ``source``."""
     keys = np.unique(neighbour_keys(source.keys))
-    around = source.rows(neighbour_keys(keys).ravel()).reshape(-1, 27)
+    around = source.around(keys)
     near = np.zeros((len(keys), CELLS), np.bool_)
     _dilate(around, cells, NEAR_VOXELS, near)
     some = near.any(axis=1)

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from ..occupancy.epoch import OCCUPIED, Observation, neighbour_keys
+from ..occupancy.epoch import OCCUPIED, Observation
 from .results import DISAPPEARED, NOTHING
 from .voxels import Universe, deep
 
@@ -27,7 +27,7 @@ def close_gone(world: Universe, epoch: Observation, state: NDArray[np.uint8]) ->
     seed = deep(world, gone)
     if not seed.any():
         return
-    around = world.table.rows(neighbour_keys(world.table.keys).ravel()).reshape(-1, 27)
+    around = world.table.around()
     near = np.flatnonzero(np.isin(around, np.flatnonzero(seed.any(axis=1))).any(axis=1)).astype(np.int64)
     may = np.zeros(state.shape, np.bool_)
     _fillable(near, around, world.element, world.planned, epoch.state == OCCUPIED, gone, may)

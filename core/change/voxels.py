@@ -10,7 +10,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from ..occupancy.bricks import BrickTable
-from ..occupancy.epoch import EMPTY, NEAR, OCCUPIED, UNSEEN, Observation, cell_set, neighbour_keys
+from ..occupancy.epoch import EMPTY, NEAR, OCCUPIED, UNSEEN, Observation, cell_set
 from ..occupancy.grid import CELLS, VoxelGrid, voxel_index
 from ..occupancy.votes import Occupied
 from .results import CONFIRMED, DISAPPEARED, NEW, NOTHING, UNKNOWN
@@ -44,7 +44,7 @@ def universe(solids: SolidVoxels, epochs: list[Occupied]) -> Universe:
     wanted = planned.copy()
     for epoch in epochs:
         wanted[table.rows(epoch.table.keys)] |= epoch.cells
-    around = table.rows(neighbour_keys(table.keys).ravel()).reshape(-1, 27)
+    around = table.around()
     reach = min(int(np.ceil(TOLERANCE_M / solids.grid.edge)) + 1, 7)
     _adopt(around, planned, wanted, _by_distance(reach), element)
     return Universe(solids.grid, table, element, planned, wanted)
@@ -118,7 +118,7 @@ def _compare(
 
 def deep(world: Universe, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(B, 512) the chosen voxels with at least 20 of their 26 neighbours chosen too: parts at least three voxels thick."""
-    around = world.table.rows(neighbour_keys(world.table.keys).ravel()).reshape(-1, 27)
+    around = world.table.around()
     out = np.zeros(chosen.shape, np.bool_)
     _deep(around, chosen, out)
     return out

@@ -79,10 +79,8 @@ class StationIndexes:
         if station in self._kept:
             yield station, self._kept[station], None
             return
-        if math.isnan(self.spacing[station]):
-            self._measure_spacing(station)
-        if station in self._kept:
-            yield station, self._kept[station], None
+        if math.isnan(self.spacing[station]) and (whole_index := self._measure_spacing(station)) is not None:
+            yield station, whole_index, None
             return
         if station in self._sorted:
             yield station, replace(self._sorted[station], returns=self._store.whole(station)), None
@@ -98,7 +96,8 @@ class StationIndexes:
             widest = max(widest, CUT * math.sqrt(math.log(2.0) / sensor.fixed.kappa) / LEAST_RANGE_M)
         return 1.2 * math.asin(min(widest, 1.0))
 
-    def _measure_spacing(self, station: int) -> None:
+    def _measure_spacing(self, station: int) -> StationIndex | None:
+        """Measure the spacing; returns the index of the station where it was taken as a whole."""
         rough = math.sqrt(4.0 * math.pi / self._store.count(station))
         angles = []
         for tile in self._store.tiles(station, 40.0 * rough):
@@ -117,10 +116,11 @@ class StationIndexes:
                     self._store.release(station)
                 elif index.photo is None:
                     self._store.rewrite(station, index.returns)
-                    self._sorted[station] = replace(index, returns=np.zeros((0, 3)))
-                return
+                    self._sorted[station] = replace(index, returns=np.zeros((0, 3), np.float32))
+                return index
         measured = median_spacing(np.concatenate(angles))
         self.spacing[station] = measured if measured > 0 else rough
+        return None
 
 
 def look(

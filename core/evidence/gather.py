@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..sensing.presets import LOGISTIC, ZONE_SIGMAS, MassParameters
 from .masses import level_conversion, log_one_minus, ray_masses
-from .station_index import StationIndex, azimuth_half_width, azimuth_range, column_runs, row_range
+from .station_index import StationIndex, azimuth_half_width, azimuth_range, column_runs, place, row_range
 
 CUT = 5.0
 """Point spacings around the line of sight: exp(-ln2 CUT^2) = 3e-8."""
@@ -92,7 +92,7 @@ def mass_parameters(
 @njit(cache=True, nogil=True, parallel=True)
 def _gather(
     query: NDArray[np.float64], normal: NDArray[np.float64], order: NDArray[np.int64],
-    returns: NDArray[np.float64], bin_start: NDArray[np.int64], row_start: NDArray[np.int64], spacing_rad: float,
+    returns: NDArray[np.float32], bin_start: NDArray[np.int64], row_start: NDArray[np.int64], spacing_rad: float,
     sigma: float, model_sigma: float, fixed_c: float, fixed_lam: float, fixed_kappa: float,
     own_sigma: NDArray[np.float64], converted: NDArray[np.float64],
     log_occ: NDArray[np.float64], log_emp: NDArray[np.float64], log_unk: NDArray[np.float64],
@@ -129,9 +129,9 @@ def _gather(
             a, b, d, e = column_runs(begin, end, half, row, row_start, bin_start)
             for m in range(b - a + e - d):
                 j = a + m if m < b - a else d + m - (b - a)
-                p = returns[j]
-                reach2 = p[0] * p[0] + p[1] * p[1] + p[2] * p[2]
-                product = q[0] * p[0] + q[1] * p[1] + q[2] * p[2]
+                x, y, z = place(returns, j)
+                reach2 = x * x + y * y + z * z
+                product = q[0] * x + q[1] * y + q[2] * z
                 if product <= 0.0 or product * product < outside * reach2:
                     continue
                 reach = math.sqrt(reach2)
@@ -161,8 +161,8 @@ def _gather(
         log_unk[i] = sum_unk / LOG_SCALE
         if best < 0:
             continue
-        p = returns[best]
-        level = (p[0] - q[0]) * n[0] + (p[1] - q[1]) * n[1] + (p[2] - q[2]) * n[2]
+        x, y, z = place(returns, best)
+        level = (x - q[0]) * n[0] + (y - q[1]) * n[1] + (z - q[2]) * n[2]
         spread = own_sigma[best] if graded else sigma * cosine
         gate = max(CLUSTER_SIGMAS * spread, CLUSTER_FLOOR_M)
         total, members = 0, 0
@@ -174,13 +174,11 @@ def _gather(
             a, b, d, e = column_runs(begin, end, half, row, row_start, bin_start)
             for m in range(b - a + e - d):
                 j = a + m if m < b - a else d + m - (b - a)
-                p = returns[j]
-                away = (p[0] - q[0]) * n[0] + (p[1] - q[1]) * n[1] + (p[2] - q[2]) * n[2]
+                x, y, z = place(returns, j)
+                away = (x - q[0]) * n[0] + (y - q[1]) * n[1] + (z - q[2]) * n[2]
                 if abs(away - level) > gate:
                     continue
-                along = (q[0] * p[0] + q[1] * p[1] + q[2] * p[2]) / math.sqrt(
-                    p[0] * p[0] + p[1] * p[1] + p[2] * p[2]
-                )
+                along = (q[0] * x + q[1] * y + q[2] * z) / math.sqrt(x * x + y * y + z * z)
                 if along > 0.0 and distance2 - along * along <= near_reach2:
                     total += int(away * LENGTH_SCALE)
                     members += 1

@@ -130,7 +130,7 @@ def sight(
     row = np.flatnonzero(
         (evidence.nearest >= 0) & (evidence.nearest_dy <= VISIBLE_SPACINGS * index.spacing_rad * evidence.distance)
     )
-    offset = index.returns[evidence.nearest[row]]
+    offset = index.returns[evidence.nearest[row]].astype(np.float64)
     reach = np.linalg.norm(offset, axis=1)
     ray = offset / reach[:, None]
     point = position + offset

@@ -63,9 +63,10 @@ class BrickTable:
     def __len__(self) -> int:
         return len(self.keys)
 
-    def around(self) -> NDArray[np.int32]:
-        """(N, 27) rows of the bricks around each brick (itself in the middle, 13), -1 where there is none."""
-        return _around(self.keys, self.slot_key, self.slot_row)
+    def around(self, keys: NDArray[np.int64] | None = None) -> NDArray[np.int32]:
+        """(N, 27) rows of the bricks around each of ``keys`` (N,), or of the table's own (itself in the middle, 13); -1 where
+        there is none."""
+        return _around(self.keys if keys is None else keys, self.slot_key, self.slot_row)
 
     def rows(self, keys: NDArray[np.int64]) -> NDArray[np.int32]:
         """(M,) rows of keys (M,), -1 where a key is not in the table."""

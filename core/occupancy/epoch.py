@@ -32,7 +32,7 @@ def occupied_voxels(
     return votes.occupied()
 
 
-def owned(returns: NDArray[np.float64], sector: NDArray[np.float64] | None) -> NDArray[np.bool_] | None:
+def owned(returns: NDArray[np.float32], sector: NDArray[np.float64] | None) -> NDArray[np.bool_] | None:
     """(N,) whether a tile's azimuth range (2,) [rad] holds each return (N, 3); None when it is all of them."""
     return None if sector is None else in_sector(returns, *sector)
 
@@ -65,7 +65,7 @@ def settled(occupied: Occupied, table: BrickTable, wanted: NDArray[np.bool_]) ->
     A ray that grazes an occupied voxel, and noise at the border of two, would else empty what stands.
     """
     state = np.zeros((len(table), CELLS), np.uint8)
-    around = occupied.table.rows(neighbour_keys(table.keys).ravel()).reshape(-1, 27)
+    around = occupied.table.around(table.keys)
     _settle(wanted, around, occupied.cells, state)
     return state
 

@@ -13,13 +13,16 @@ import numpy as np
 from numba import get_num_threads, njit, prange
 from numpy.typing import NDArray
 
-from ..evidence.station_index import StationIndex, bin_layout, pseudo_azimuth, pseudo_elevation
-from .surface_fit import ROUND_UP, clear_ends, fit_planes
+from ..evidence.station_index import StationIndex, bin_layout, place, pseudo_azimuth, pseudo_elevation, settle_order
+from ..parallel import spread
+from .surface_fit import ROUND_UP, bins_around, clear_ends, fit_planes, patch_of
 
 SINGLE_ERROR = 4e-7
 """Of a sum of three products in single precision, in their lengths."""
 COARSE = 4
 """Bins of the coarse level are this many times as wide and as high."""
+PATCH = 2
+"""So many by so many bins are a patch: returns are fitted with planes, and most voxels told, patch by patch."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +46,15 @@ class Bins:
         row_start = bin_layout(spacing_rad, returns)
         return cls(float(len(row_start) - 1), row_start)
 
-    def coarse(self) -> Bins:
-        """Bins ``COARSE`` times as large each way."""
+    @property
+    def count(self) -> int:
+        return int(self.row_start[-1])
+
+    def merged(self, times: int) -> Bins:
+        """Bins ``times`` as large each way."""
         columns = np.diff(self.row_start)
-        widest = np.maximum.reduceat(columns, np.arange(0, len(columns), COARSE))
-        return Bins(self.rows / COARSE, np.concatenate([[0], np.cumsum(np.maximum(-(-widest // COARSE), 1))]))
+        widest = np.maximum.reduceat(columns, np.arange(0, len(columns), times))
+        return Bins(self.rows / times, np.concatenate([[0], np.cumsum(np.maximum(-(-widest // times), 1))]))
 
 
 @dataclass(frozen=True)
@@ -66,17 +73,20 @@ class ClearRays:
     """(B,) how far any of the bin's own rays is clear; 0 for none."""
     longest: NDArray[np.float32]
     """(B,) the farthest return; 0 for none."""
+    patches: Bins
     plane: NDArray[np.float32]
-    """(B, 3) m of the plane m . x = 1 that the returns around lie on [1/m]; NaN where they lie on none."""
+    """(P, 3) m of the plane m . x = 1 that the returns in and around a patch lie on [1/m]; NaN where they lie on none."""
 
 
 @dataclass(frozen=True)
 class StationRays(ClearRays):
-    """The same with summaries of bins, for questions about voxels."""
+    """The same with summaries, for questions about voxels."""
 
+    limit: NDArray[np.float32]
+    """(P, 4) a unit vector n, and the largest n . end [m] of the rays in a patch and one bin around it: no clear part of
+    them goes beyond that plane. n is across the surface where the returns lie on one, else along the rays."""
     bound: NDArray[np.float32]
-    """(B, 5) a unit vector n, the largest n . end of the bin's rays, and that of the rays of the 3 x 3 bins around [m]: no
-    clear part of them goes beyond that plane. n is across the surface where the returns lie on one, else along the rays."""
+    """(B,) the largest n . end [m] of the bin's rays, n being that of the patch which holds the bin's middle."""
     coarse: Bins
     coarse_farthest: NDArray[np.float32]
     coarse_longest: NDArray[np.float32]
@@ -93,27 +103,30 @@ def clear_rays(
     spacing_rad = index.spacing_rad
     bins = Bins.for_spacing(spacing_rad, total)
     if own is None and np.array_equal(index.row_start, bins.row_start):
-        end, start, own_sorted = _single(index.returns), index.bin_start.astype(np.int32), np.zeros(0, np.bool_)
+        point, start, mine = index.returns, index.bin_start.astype(np.int32), np.zeros(0, np.bool_)
     else:
         mine = np.zeros(0, np.bool_) if own is None else own
-        end, start, own_sorted = _sort(index.returns, mine, bins.rows, bins.row_start, get_num_threads())
-    _settle_order(end, own_sorted, start)
-    count = int(bins.row_start[-1])
-    plane = np.full((count, 3), np.nan, np.float32)
-    fit_planes(end, start, bins.row_start, edge, plane)
-    nearest, farthest, longest = (np.empty(count, np.float32) for _ in range(3))
-    clear_ends(end, own_sorted, start, edge, plane, nearest, farthest, longest)
-    return ClearRays(end, bins, start, spacing_rad, nearest, farthest, longest, plane)
+        point, start, mine = _sort(index.returns, mine, bins.rows, bins.row_start, get_num_threads())
+        settle_order(point, mine, start)
+    patches = bins.merged(PATCH)
+    plane = fit_planes(point, start, bins.row_start, patches.row_start, edge)
+    nearest, farthest, longest = (np.empty(bins.count, np.float32) for _ in range(3))
+    end = np.empty_like(point)
+    clear_ends(
+        point, mine, start, bins.row_start, patches.row_start, edge, plane, end, nearest, farthest, longest
+    )
+    return ClearRays(end, bins, start, spacing_rad, nearest, farthest, longest, patches, plane)
 
 
 def summarise(rays: ClearRays) -> StationRays:
     """Add what lets most voxels be told without a look at a ray."""
-    coarse = rays.bins.coarse()
+    coarse = rays.bins.merged(COARSE)
+    limit, bound = _bounds(
+        rays.end, rays.bin_start, rays.bins.row_start, rays.patches.row_start, rays.plane,
+        SINGLE_ERROR * float(rays.longest.max(initial=0.0)),
+    )
     return StationRays(
-        **vars(rays), coarse=coarse,
-        bound=_bounds(
-            rays.end, rays.bin_start, rays.bins.row_start, rays.plane, SINGLE_ERROR * float(rays.longest.max(initial=0.0))
-        ),
+        **vars(rays), coarse=coarse, limit=limit, bound=bound,
         coarse_farthest=_coarsen(rays.farthest, rays.bins.row_start, coarse.row_start),
         coarse_longest=_coarsen(rays.longest, rays.bins.row_start, coarse.row_start),
     )
@@ -126,14 +139,6 @@ def station_rays(
     return summarise(clear_rays(index, total, edge, own))
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def _single(returns: NDArray[np.float64]) -> NDArray[np.float32]:
-    out = np.empty((len(returns), 3), np.float32)
-    for i in prange(len(returns)):
-        out[i, 0], out[i, 1], out[i, 2] = returns[i, 0], returns[i, 1], returns[i, 2]
-    return out
-
-
 @njit(cache=True, nogil=True, inline="always")
 def _bin_of(x: float, y: float, z: float, rows: float, row_start: NDArray[np.int64]) -> int:
     last = len(row_start) - 2
@@ -144,69 +149,39 @@ def _bin_of(x: float, y: float, z: float, rows: float, row_start: NDArray[np.int
 
 @njit(cache=True, nogil=True, parallel=True)
 def _sort(
-    returns: NDArray[np.float64], own: NDArray[np.bool_], rows: float, row_start: NDArray[np.int64], chunks: int
+    returns: NDArray[np.float32], own: NDArray[np.bool_], rows: float, row_start: NDArray[np.int64], chunks: int
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.bool_]]:
     """Counting sort by bin, to single precision; the same for any number of chunks."""
     n, bins = len(returns), row_start[-1]
     where = np.empty(n, np.int32)
-    place = np.zeros((chunks, bins), np.int32)
+    goes = np.zeros((chunks, bins), np.int32)
     for c in prange(chunks):
         for i in range(n * c // chunks, n * (c + 1) // chunks):
-            b = _bin_of(returns[i, 0], returns[i, 1], returns[i, 2], rows, row_start)
+            x, y, z = place(returns, i)
+            b = _bin_of(x, y, z, rows, row_start)
             where[i] = b
-            place[c, b] += 1
+            goes[c, b] += 1
     start = np.empty(bins + 1, np.int32)
     total = 0
     for b in range(bins):
         start[b] = total
         for c in range(chunks):
-            here = place[c, b]
-            place[c, b] = total
+            here = goes[c, b]
+            goes[c, b] = total
             total += here
     start[bins] = total
     out = np.empty((n, 3), np.float32)
     mine = np.empty(n if len(own) else 0, np.bool_)
     for c in prange(chunks):
         for i in range(n * c // chunks, n * (c + 1) // chunks):
-            at = place[c, where[i]]
-            place[c, where[i]] = at + 1
+            at = goes[c, where[i]]
+            goes[c, where[i]] = at + 1
             out[at, 0] = returns[i, 0]
             out[at, 1] = returns[i, 1]
             out[at, 2] = returns[i, 2]
             if len(own):
                 mine[at] = own[i]
     return out, start, mine
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _before(points: NDArray[np.float32], i: int, x: float, y: float, z: float) -> bool:
-    if points[i, 0] != x:
-        return points[i, 0] < x
-    if points[i, 1] != y:
-        return points[i, 1] < y
-    return points[i, 2] < z
-
-
-@njit(cache=True, nogil=True, parallel=True)
-def _settle_order(points: NDArray[np.float32], own: NDArray[np.bool_], start: NDArray[np.int32]) -> None:
-    """Put the points of each bin in an order of their own, so that the order of reading changes no digit of a sum."""
-    for b in prange(len(start) - 1):
-        begin, end = start[b], start[b + 1]
-        gap = (end - begin) // 2
-        while gap > 0:  # Shell sort: most bins hold a few returns, one at a pole may hold thousands
-            for i in range(begin + gap, end):
-                x, y, z = points[i, 0], points[i, 1], points[i, 2]
-                mine = own[i] if len(own) else True
-                j = i
-                while j >= begin + gap and not _before(points, j - gap, x, y, z):
-                    points[j, 0], points[j, 1], points[j, 2] = points[j - gap, 0], points[j - gap, 1], points[j - gap, 2]
-                    if len(own):
-                        own[j] = own[j - gap]
-                    j -= gap
-                points[j, 0], points[j, 1], points[j, 2] = x, y, z
-                if len(own):
-                    own[j] = mine
-            gap //= 2
 
 
 @njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
@@ -222,41 +197,45 @@ def _largest(
 
 @njit(cache=True, nogil=True, parallel=True)
 def _bounds(
-    end: NDArray[np.float32], start: NDArray[np.int32], row_start: NDArray[np.int64], plane: NDArray[np.float32],
-    slack: float,
-) -> NDArray[np.float32]:
-    out = np.zeros((len(start) - 1, 5), np.float32)
+    end: NDArray[np.float32], start: NDArray[np.int32], row_start: NDArray[np.int64], patch_start: NDArray[np.int64],
+    plane: NDArray[np.float32], slack: float,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    limit, bound = np.empty((patch_start[-1], 4), np.float32), np.empty(row_start[-1], np.float32)
     rows = len(row_start) - 1
-    for row in prange(rows):
-        columns = row_start[row + 1] - row_start[row]
-        for column in range(columns):
-            b = row_start[row] + column
-            nx, ny, nz = float(plane[b, 0]), float(plane[b, 1]), float(plane[b, 2])
+    stride = spread(len(patch_start) - 1)
+    for turn in prange(len(patch_start) - 1):
+        patch_row = turn * stride % (len(patch_start) - 1)
+        wide = patch_start[patch_row + 1] - patch_start[patch_row]
+        first_row, last_row = PATCH * patch_row, min(PATCH * (patch_row + 1), rows)
+        for k in range(wide):
+            p = patch_start[patch_row] + k
+            nx, ny, nz = float(plane[p, 0]), float(plane[p, 1]), float(plane[p, 2])
             if math.isnan(nx):
-                elevation = (row + 0.5) * 2.0 / rows - 1.0
-                azimuth = (column + 0.5) * 4.0 / columns
+                elevation = (first_row + last_row) / rows - 1.0
+                azimuth = (k + 0.5) * 4.0 / wide
                 flat = 1.0 - abs(elevation)
                 nx = flat * (1.0 - azimuth if azimuth < 2.0 else azimuth - 3.0)
                 ny = flat * (azimuth if azimuth < 1.0 else (2.0 - azimuth if azimuth < 3.0 else azimuth - 4.0))
                 nz = elevation
             length = math.sqrt(nx * nx + ny * ny + nz * nz)
             ux, uy, uz = np.float32(nx / length), np.float32(ny / length), np.float32(nz / length)
-            own = _largest(end, start[b], start[b + 1], ux, uy, uz)
-            around = own
-            for r in range(max(row - 1, 0), min(row + 2, rows)):
+            most = np.float32(0.0)
+            for r in range(max(first_row - 1, 0), min(last_row + 1, rows)):
                 base, there = row_start[r], row_start[r + 1] - row_start[r]
-                first, last = column * there // columns - 1, ((column + 1) * there - 1) // columns + 1
-                if last - first >= there:
-                    first, last = 0, there - 1
+                first, last = bins_around(k, wide, there)
                 if first < 0:
-                    around = max(around, _largest(end, start[base + there + first], start[base + there], ux, uy, uz))
+                    most = max(most, _largest(end, start[base + there + first], start[base + there], ux, uy, uz))
                 if last >= there:
-                    around = max(around, _largest(end, start[base], start[base + last - there + 1], ux, uy, uz))
-                first, last = max(first, 0), min(last, there - 1)
-                around = max(around, _largest(end, start[base + first], start[base + last + 1], ux, uy, uz))
-            out[b, 0], out[b, 1], out[b, 2] = ux, uy, uz
-            out[b, 3], out[b, 4] = own * ROUND_UP + slack, around * ROUND_UP + slack
-    return out
+                    most = max(most, _largest(end, start[base], start[base + last - there + 1], ux, uy, uz))
+                most = max(most, _largest(end, start[base + max(first, 0)], start[base + min(last, there - 1) + 1], ux, uy, uz))
+            limit[p, 0], limit[p, 1], limit[p, 2], limit[p, 3] = ux, uy, uz, most * ROUND_UP + slack
+        for r in range(first_row, last_row):
+            columns = row_start[r + 1] - row_start[r]
+            for c in range(columns):
+                b, p = row_start[r] + c, patch_start[patch_row] + patch_of(c, columns, wide)
+                most = _largest(end, start[b], start[b + 1], limit[p, 0], limit[p, 1], limit[p, 2])
+                bound[b] = most * ROUND_UP + slack
+    return limit, bound
 
 
 @njit(cache=True, nogil=True)

@@ -12,6 +12,9 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from ..evidence.station_index import place
+from ..parallel import spread
+
 GUARD_VOXELS = 1.5
 """A ray empties nothing less than this many voxels in front of its surface."""
 FLATTEST_COSINE = 0.05
@@ -21,71 +24,68 @@ EDGE_COSINE = 0.3
 FLAT_VOXELS = 0.5
 """Returns lie on a plane when they scatter less than this many voxels about it (root mean square)."""
 FEWEST_FITTED = 5
-ROWS_AT_ONCE = 16
-"""Rows that one thread fits together: the sums of the rows beside them are made twice."""
+ROWS_AT_ONCE = 8
+"""Rows of patches that one thread fits together: the sums of the rows beside them are made twice."""
 ROUND_UP = 1.000001
 """Largest values are stored in single precision and must not be less than what they stand for."""
 SUMS = 11
 """Of a bin: number; d d^T (xx, xy, xz, yy, yz, zz); d / range (3); 1 / range^2."""
 
 
+@njit(cache=True, nogil=True, inline="always")
+def patch_of(column: int, columns: int, wide: int) -> int:
+    """Which of the ``wide`` patches of a row holds the middle of a bin of a row of ``columns``."""
+    return (2 * column + 1) * wide // (2 * columns)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def bins_around(patch: int, wide: int, columns: int) -> tuple[int, int]:
+    """First and last bin, in a row of ``columns``, of those that one of ``wide`` patches touches, and one on either side;
+    unwrapped, but never the same bin twice."""
+    first, last = patch * columns // wide - 1, ((patch + 1) * columns - 1) // wide + 1
+    if last - first >= columns:
+        return 0, columns - 1
+    return first, last
+
+
 def fit_planes(
-    point: NDArray[np.float32], start: NDArray[np.int32], row_start: NDArray[np.int64], edge: float,
-    plane: NDArray[np.float32],
-) -> None:
-    """Fill ``plane`` (B, 3) of the bins whose surroundings (3 x 3 bins) are flat.
+    point: NDArray[np.float32], start: NDArray[np.int32], row_start: NDArray[np.int64], patch_start: NDArray[np.int64],
+    edge: float,
+) -> NDArray[np.float32]:
+    """(P, 3) planes of the patches where the returns in and one bin around them are flat, NaN elsewhere.
 
     point (N, 3) returns [m, from the station], sorted into bins, in each bin in an order that does not depend on how they
     were read.
     """
     widest = int(np.diff(row_start).max())
-    _fit_rows(point, start, row_start, widest, edge, plane)
+    rows = -(-(len(row_start) - 1) // (len(patch_start) - 1))
+    return _fit_rows(point, start, row_start, patch_start, rows, widest, edge)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _sum_row(
     point: NDArray[np.float32], start: NDArray[np.int32], first: int, last: int, sums: NDArray[np.float64]
 ) -> None:
     for b in range(first, last):
-        at = sums[b - first]
-        at[:] = 0.0
+        xx, xy, xz, yy, yz, zz, bx, by, bz, total = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(start[b], start[b + 1]):
-            x, y, z = float(point[i, 0]), float(point[i, 1]), float(point[i, 2])
+            x, y, z = place(point, i)
             q2 = 1.0 / (x * x + y * y + z * z)
-            at[0] += 1.0
-            at[1] += x * x * q2
-            at[2] += x * y * q2
-            at[3] += x * z * q2
-            at[4] += y * y * q2
-            at[5] += y * z * q2
-            at[6] += z * z * q2
-            at[7] += x * q2
-            at[8] += y * q2
-            at[9] += z * q2
-            at[10] += q2
-
-
-@njit(cache=True, nogil=True)
-def _join_three(sums: NDArray[np.float64], columns: int, wide: NDArray[np.float64]) -> None:
-    """Sums of each bin of a row and of those left and right of it; rows wrap around."""
-    for c in range(columns):
-        left, right = (c - 1 if c > 0 else columns - 1), (c + 1 if c < columns - 1 else 0)
-        for n in range(SUMS):
-            wide[c, n] = sums[left, n] + sums[c, n] + sums[right, n]
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _gather(
-    row: int, column: int, row_start: NDArray[np.int64], first_row: int, wide: NDArray[np.float64],
-    s: NDArray[np.float64],
-) -> None:
-    """Sum of the 3 x 3 bins around a bin, of which three each are joined already."""
-    middle = (column + 0.5) / (row_start[row + 1] - row_start[row])
-    s[:] = 0.0
-    for r in range(max(row - 1, 0), min(row + 2, len(row_start) - 1)):
-        c = column if r == row else int(middle * (row_start[r + 1] - row_start[r]))
-        for n in range(SUMS):
-            s[n] += wide[r - first_row, c, n]
+            x2, y2, z2 = x * q2, y * q2, z * q2
+            xx += x * x2
+            xy += x * y2
+            xz += x * z2
+            yy += y * y2
+            yz += y * z2
+            zz += z * z2
+            bx += x2
+            by += y2
+            bz += z2
+            total += q2
+        at = sums[b - first]
+        at[0] = start[b + 1] - start[b]
+        at[1], at[2], at[3], at[4], at[5], at[6] = xx, xy, xz, yy, yz, zz
+        at[7], at[8], at[9], at[10] = bx, by, bz, total
 
 
 @njit(cache=True, nogil=True)
@@ -140,53 +140,76 @@ def _fit(s: NDArray[np.float64], flat: float, m: NDArray[np.float64]) -> bool:
 
 @njit(cache=True, nogil=True, parallel=True)
 def _fit_rows(
-    point: NDArray[np.float32], start: NDArray[np.int32], row_start: NDArray[np.int64], widest: int, edge: float,
-    plane: NDArray[np.float32],
-) -> None:
-    rows = len(row_start) - 1
-    for block in prange((rows + ROWS_AT_ONCE - 1) // ROWS_AT_ONCE):
-        begin, end = block * ROWS_AT_ONCE, min((block + 1) * ROWS_AT_ONCE, rows)
-        first, last = max(begin - 1, 0), min(end + 1, rows)
-        sums, wide = np.empty((widest, SUMS)), np.empty((last - first, widest, SUMS))
+    point: NDArray[np.float32], start: NDArray[np.int32], row_start: NDArray[np.int64], patch_start: NDArray[np.int64],
+    high: int, widest: int, edge: float,
+) -> NDArray[np.float32]:
+    """``high``: rows of bins in a row of patches."""
+    plane = np.empty((patch_start[-1], 3), np.float32)
+    rows, patch_rows = len(row_start) - 1, len(patch_start) - 1
+    blocks = (patch_rows + ROWS_AT_ONCE - 1) // ROWS_AT_ONCE
+    stride = spread(blocks)
+    for turn in prange(blocks):
+        block = turn * stride % blocks
+        begin, stop = block * ROWS_AT_ONCE, min((block + 1) * ROWS_AT_ONCE, patch_rows)
+        first, last = max(high * begin - 1, 0), min(high * stop + 1, rows)
+        sums = np.empty((last - first, widest, SUMS))
         for row in range(first, last):
-            _sum_row(point, start, row_start[row], row_start[row + 1], sums)
-            _join_three(sums, row_start[row + 1] - row_start[row], wide[row - first])
+            _sum_row(point, start, row_start[row], row_start[row + 1], sums[row - first])
         s, m = np.empty(SUMS), np.empty(3)
-        for row in range(begin, end):
-            for column in range(row_start[row + 1] - row_start[row]):
-                b = row_start[row] + column
-                if start[b] == start[b + 1]:
-                    continue
-                _gather(row, column, row_start, first, wide, s)
+        for patch_row in range(begin, stop):
+            wide = patch_start[patch_row + 1] - patch_start[patch_row]
+            for k in range(wide):
+                s[:] = 0.0
+                for r in range(max(high * patch_row - 1, 0), min(high * (patch_row + 1) + 1, rows)):
+                    columns = row_start[r + 1] - row_start[r]
+                    low, top = bins_around(k, wide, columns)
+                    for c in range(low, top + 1):
+                        at = sums[r - first, c + columns if c < 0 else (c - columns if c >= columns else c)]
+                        for n in range(SUMS):
+                            s[n] += at[n]
+                p = patch_start[patch_row] + k
                 if _fit(s, FLAT_VOXELS * edge, m):
-                    plane[b, 0], plane[b, 1], plane[b, 2] = m[0], m[1], m[2]
+                    plane[p, 0], plane[p, 1], plane[p, 2] = m[0], m[1], m[2]
+                else:
+                    plane[p, 0], plane[p, 1], plane[p, 2] = np.nan, np.nan, np.nan
+    return plane
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@njit(cache=True, nogil=True, parallel=True, error_model="numpy")
 def clear_ends(
-    point: NDArray[np.float32], own: NDArray[np.bool_], start: NDArray[np.int32], edge: float, plane: NDArray[np.float32],
+    point: NDArray[np.float32], own: NDArray[np.bool_], start: NDArray[np.int32], row_start: NDArray[np.int64],
+    patch_start: NDArray[np.int64], edge: float, plane: NDArray[np.float32], end: NDArray[np.float32],
     nearest: NDArray[np.float32], farthest: NDArray[np.float32], longest: NDArray[np.float32],
 ) -> None:
-    """Turn returns ``point`` (N, 3) [m, from the station] into the ends of their rays' clear parts.
+    """Fill ``end`` (N, 3), the ends of the clear parts of the rays to returns ``point`` (N, 3) [m, from the station].
 
     Those that are not ``own`` (N,) become 0 (none does when that is empty). Fills, per bin [m]: ``nearest``, how far all its
     rays are clear, ``farthest``, how far any own one is, and ``longest``, the farthest return.
     """
-    for b in prange(len(start) - 1):
-        slope = math.sqrt(float(plane[b, 0]) ** 2.0 + float(plane[b, 1]) ** 2.0 + float(plane[b, 2]) ** 2.0)
-        near, far, last = math.inf, 0.0, 0.0
-        for i in range(start[b], start[b + 1]):
-            x, y, z = float(point[i, 0]), float(point[i, 1]), float(point[i, 2])
-            reach = math.sqrt(x * x + y * y + z * z)
-            cosine = EDGE_COSINE
-            if not math.isnan(slope):
-                cosine = min(max(1.0 / (reach * slope), FLATTEST_COSINE), 1.0)
-            free = max(reach - GUARD_VOXELS * edge / cosine, 0.0)
-            near, last = min(near, free), max(last, reach)
-            share = free / reach
-            if len(own) and not own[i]:
-                share = 0.0
-            else:
-                far = max(far, free)
-            point[i, 0], point[i, 1], point[i, 2] = x * share, y * share, z * share
-        nearest[b], farthest[b], longest[b] = near, far * ROUND_UP, last * ROUND_UP
+    rows = len(row_start) - 1
+    high = (rows + len(patch_start) - 2) // (len(patch_start) - 1)
+    stride = spread(rows)
+    for turn in prange(rows):
+        row = turn * stride % rows
+        base, columns = row_start[row], row_start[row + 1] - row_start[row]
+        patches, wide = patch_start[row // high], patch_start[row // high + 1] - patch_start[row // high]
+        for c in range(columns):
+            b, p = base + c, patches + patch_of(c, columns, wide)
+            slope = math.sqrt(float(plane[p, 0]) ** 2 + float(plane[p, 1]) ** 2 + float(plane[p, 2]) ** 2)
+            flat = not math.isnan(slope)
+            near, far, last = math.inf, 0.0, 0.0
+            for i in range(start[b], start[b + 1]):
+                x, y, z = place(point, i)
+                reach = math.sqrt(x * x + y * y + z * z)
+                cosine = EDGE_COSINE
+                if flat:
+                    cosine = min(max(1.0 / (reach * slope), FLATTEST_COSINE), 1.0)
+                free = max(reach - GUARD_VOXELS * edge / cosine, 0.0)
+                near, last = min(near, free), max(last, reach)
+                share = free / reach
+                if len(own) and not own[i]:
+                    share = 0.0
+                else:
+                    far = max(far, free)
+                end[i, 0], end[i, 1], end[i, 2] = x * share, y * share, z * share
+            nearest[b], farthest[b], longest[b] = near, far * ROUND_UP, last * ROUND_UP

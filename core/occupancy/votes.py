@@ -9,6 +9,7 @@ import numpy as np
 from numba import get_num_threads, njit, prange
 from numpy.typing import NDArray
 
+from ..evidence.station_index import place
 from .bricks import BrickTable, find, insert
 from .grid import CELLS, VoxelGrid, brick_key, cell_of
 
@@ -17,64 +18,76 @@ VOTE = 16
 MOST = 65_535
 AT_ONCE = 1 << 19
 """Returns entered at once: what is noted of each of them stays small."""
+RUN = 1 << 13
 EXPECTED_SHARE = 0.5
 """A surface counts as found in a voxel when half of the returns came that one seen head-on would send back: the rest may
 be lost to incidence and to the surface's course through the voxel."""
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@njit(cache=True, nogil=True, parallel=True, error_model="numpy")
 def _place(
-    offsets: NDArray[np.float64], own: NDArray[np.bool_], station: NDArray[np.float64], anchor: NDArray[np.float64],
-    edge: float, expected: float, least: int, key: NDArray[np.int64], cell: NDArray[np.int32], weight: NDArray[np.int32],
+    offsets: NDArray[np.float32], own: NDArray[np.bool_], station: NDArray[np.float64], anchor: NDArray[np.float64],
+    edge: float, expected: float, least: int, slot_key: NDArray[np.int64], slot_row: NDArray[np.int32],
+    key: NDArray[np.int64], row: NDArray[np.int32], cell: NDArray[np.int16], weight: NDArray[np.int32],
 ) -> None:
-    """Brick key (-1: another tile's return), cell and weight of each return."""
+    """Brick (its key, -1 for another tile's return, and its row, -1 where there is none yet), cell and weight of each return.
+
+    Returns sorted by direction come in long runs of one brick.
+    """
     sx, sy, sz = station[0] - anchor[0], station[1] - anchor[1], station[2] - anchor[2]
-    for n in prange(len(offsets)):
-        if len(own) and not own[n]:
-            key[n] = -1
-            continue
-        x, y, z = offsets[n, 0], offsets[n, 1], offsets[n, 2]
-        i, j, k = math.floor((x + sx) / edge), math.floor((y + sy) / edge), math.floor((z + sz) / edge)
-        key[n], cell[n] = brick_key(i, j, k), cell_of(i, j, k)
-        wanted = int(min(max(expected / (x * x + y * y + z * z) + 0.5, 1.0), least))
-        weight[n] = (VOTE * least) // wanted
+    for run in prange((len(offsets) + RUN - 1) // RUN):
+        last_key, last_row = -1, -1
+        for n in range(run * RUN, min((run + 1) * RUN, len(offsets))):
+            if len(own) and not own[n]:
+                key[n], row[n] = -1, -1
+                continue
+            x, y, z = place(offsets, n)
+            i, j, k = math.floor((x + sx) / edge), math.floor((y + sy) / edge), math.floor((z + sz) / edge)
+            here = brick_key(i, j, k)
+            if here != last_key:
+                last_key, last_row = here, find(here, slot_key, slot_row)
+            key[n], row[n], cell[n] = here, last_row, cell_of(i, j, k)
+            wanted = int(min(max(expected / (x * x + y * y + z * z) + 0.5, 1.0), least))
+            weight[n] = (VOTE * least) // wanted
 
 
 @njit(cache=True, nogil=True)
-def _find_rows(
+def _enter_new(
     key: NDArray[np.int64], begin: int, slot_key: NDArray[np.int64], slot_row: NDArray[np.int32], keys: NDArray[np.int64],
     used: int, row: NDArray[np.int32],
 ) -> tuple[int, int]:
-    """Row of each return's brick from ``begin`` on, entering new bricks; stops when the table is full.
+    """Enter the bricks that are not in the table yet, from return ``begin`` on; stops when the table is full.
 
-    Returns (next return, bricks used). Returns sorted by direction come in long runs of one brick.
+    Returns (next return, bricks used).
     """
-    last_key, last_row = np.int64(-1), -1
     for n in range(begin, len(key)):
-        if key[n] != last_key:
-            last_key = key[n]
-            last_row = find(last_key, slot_key, slot_row) if last_key >= 0 else -1
-            if last_row < 0 <= last_key:
+        if row[n] < 0 <= key[n]:
+            there = find(key[n], slot_key, slot_row)
+            if there < 0:
                 if used == len(keys):
                     return n, used
-                last_row = used
-                keys[used] = last_key
-                insert(last_key, last_row, slot_key, slot_row)
+                there = used
+                keys[used] = key[n]
+                insert(key[n], there, slot_key, slot_row)
                 used += 1
-        row[n] = last_row
+            row[n] = there
     return len(key), used
 
 
 @njit(cache=True, nogil=True, parallel=True)
 def _vote(
-    row: NDArray[np.int32], cell: NDArray[np.int32], weight: NDArray[np.int32], parts: int, votes: NDArray[np.uint16],
+    row: NDArray[np.int32], cell: NDArray[np.int16], weight: NDArray[np.int32], parts: int, votes: NDArray[np.uint16],
     returns: NDArray[np.uint8],
 ) -> None:
     """Enter returns; each part of the work has bricks of its own, so that no two add to one voxel at once."""
     for part in prange(parts):
+        last, mine = np.int32(-1), False
         for n in range(len(row)):
-            r, c = row[n], cell[n]
-            if r >= 0 and r % parts == part:
+            r = row[n]
+            if r != last:
+                last, mine = r, r >= 0 and r % parts == part
+            if mine:
+                c = cell[n]
                 votes[r, c] = min(int(votes[r, c]) + weight[n], MOST)
                 returns[r, c] = min(int(returns[r, c]) + 1, 255)
 
@@ -116,7 +129,7 @@ class Votes:
         self._table = BrickTable(self._keys[: self._used].copy(), len(self._keys))
 
     def add(
-        self, offsets: NDArray[np.float64], station: NDArray[np.float64], spacing_rad: float,
+        self, offsets: NDArray[np.float32], station: NDArray[np.float64], spacing_rad: float,
         own: NDArray[np.bool_] | None = None,
     ) -> None:
         """Enter returns (N, 3) [m, from the station] of a ``station`` (3,) [m, local frame]; only the ``own`` (N,) ones."""
@@ -125,16 +138,19 @@ class Votes:
             self._add(offsets[part], station, spacing_rad, np.zeros(0, np.bool_) if own is None else own[part])
 
     def _add(
-        self, offsets: NDArray[np.float64], station: NDArray[np.float64], spacing_rad: float, own: NDArray[np.bool_]
+        self, offsets: NDArray[np.float32], station: NDArray[np.float64], spacing_rad: float, own: NDArray[np.bool_]
     ) -> None:
         count, edge = len(offsets), self.grid.edge
-        key = np.empty(count, np.int64)
-        cell, weight, row = (np.empty(count, np.int32) for _ in range(3))
+        key, row = np.empty(count, np.int64), np.empty(count, np.int32)
+        cell, weight = np.empty(count, np.int16), np.empty(count, np.int32)
         expected = EXPECTED_SHARE * edge * edge / (spacing_rad * spacing_rad)
-        _place(offsets, own, station, self.grid.anchor, edge, expected, self.least, key, cell, weight)
+        _place(
+            offsets, own, station, self.grid.anchor, edge, expected, self.least, self._table.slot_key, self._table.slot_row,
+            key, row, cell, weight,
+        )
         at = 0
         while True:
-            at, self._used = _find_rows(key, at, self._table.slot_key, self._table.slot_row, self._keys, self._used, row)
+            at, self._used = _enter_new(key, at, self._table.slot_key, self._table.slot_row, self._keys, self._used, row)
             if at == count:
                 break
             self._grow()

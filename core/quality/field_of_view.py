@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -69,7 +70,7 @@ class FieldOfViewCounter:
         self._azimuth = np.zeros(AZIMUTH_BINS, np.int64)
         self._reach = np.zeros(STRAY_RETURNS)
 
-    def add(self, offsets: NDArray[np.float64]) -> None:
+    def add(self, offsets: NDArray[np.floating[Any]]) -> None:
         """Returns (N, 3) minus station, scan frame."""
         _histograms(offsets, self._turn, self._elevation, self._azimuth, self._reach, STRAY_RETURNS)
 

@@ -15,7 +15,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from ..evidence.gather import order_by_direction
-from ..evidence.station_index import StationIndex, azimuth_half_width, azimuth_range, column_runs, row_range
+from ..evidence.station_index import StationIndex, azimuth_half_width, azimuth_range, column_runs, place, row_range
 
 REACH = 2.5
 """Point spacings around the line of sight: about 20 returns, enough for a plane and its scatter."""
@@ -89,18 +89,18 @@ def _measure(  # type: ignore[no-untyped-def]
             a, b, c, d = column_runs(begin, end, half, row, row_start, bin_start)
             for m in range(b - a + d - c):
                 j = a + m if m < b - a else c + m - (b - a)
-                p = returns[j]
-                product = q[0] * p[0] + q[1] * p[1] + q[2] * p[2]
+                x, y, z = place(returns, j)
+                product = q[0] * x + q[1] * y + q[2] * z
                 if product <= 0.0:
                     continue
-                p2 = p[0] * p[0] + p[1] * p[1] + p[2] * p[2]
+                p2 = x * x + y * y + z * z
                 dy2 = max(d2 - product * product / p2, 0.0)
                 if dy2 > reach2:
                     continue
                 count += 1
                 if dy2 < best_dy2 or (dy2 == best_dy2 and p2 < best_range):
                     best, best_dy2, best_range = j, dy2, p2
-                away = (p[0] - q[0]) * n[0] + (p[1] - q[1]) * n[1] + (p[2] - q[2]) * n[2]
+                away = (x - q[0]) * n[0] + (y - q[1]) * n[1] + (z - q[2]) * n[2]
                 if abs(away) <= window and (
                     dy2 < best_on_dy2 or (dy2 == best_on_dy2 and best_on >= 0 and away < best_on_away)
                 ):
@@ -108,10 +108,10 @@ def _measure(  # type: ignore[no-untyped-def]
         rays[i] = count
         if best < 0:
             continue
-        p = returns[best]
+        x, y, z = place(returns, best)
         nearest[i] = best
         nearest_dy[i] = math.sqrt(best_dy2)
-        level[i] = (p[0] - q[0]) * n[0] + (p[1] - q[1]) * n[1] + (p[2] - q[2]) * n[2]
+        level[i] = (x - q[0]) * n[0] + (y - q[1]) * n[1] + (z - q[2]) * n[2]
         if best_on < 0:
             continue
         on_dy[i] = math.sqrt(best_on_dy2)
@@ -125,14 +125,14 @@ def _measure(  # type: ignore[no-untyped-def]
                 a, b, c, d = column_runs(begin, end, half, row, row_start, bin_start)
                 for m in range(b - a + d - c):
                     j = a + m if m < b - a else c + m - (b - a)
-                    p = returns[j]
-                    product = q[0] * p[0] + q[1] * p[1] + q[2] * p[2]
+                    x, y, z = place(returns, j)
+                    product = q[0] * x + q[1] * y + q[2] * z
                     if product <= 0.0:
                         continue
-                    p2 = p[0] * p[0] + p[1] * p[1] + p[2] * p[2]
+                    p2 = x * x + y * y + z * z
                     if d2 - product * product / p2 > reach2:
                         continue
-                    x, y, z = p[0] - q[0], p[1] - q[1], p[2] - q[2]
+                    x, y, z = x - q[0], y - q[1], z - q[2]
                     u = (x * ux + y * uy + z * uz) / reach
                     v = (x * vx + y * vy + z * vz) / reach
                     w = x * n[0] + y * n[1] + z * n[2]

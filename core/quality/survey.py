@@ -229,7 +229,7 @@ def _meets_face(
 ) -> NDArray[np.bool_]:
     """(K,) whether the ray of the nearest return crosses the element's own face, not the air beside it."""
     r = row[at]
-    ray = index.returns[seen.nearest[at]]
+    ray = index.returns[seen.nearest[at]].astype(np.float64)
     ray = ray / np.linalg.norm(ray, axis=1, keepdims=True)
     n = samples.normal[r]
     slope = np.einsum("ij,ij->i", ray, n)

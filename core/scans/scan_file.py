@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 ZERO_RANGE_M = 1e-3
 """A return nearer to the scanner than this is none: nothing measures there, and exporters write missing ones so."""
+SAME_PLACE_M = 1e-6
+"""A point nearer to a presumed station than this has no direction."""
+FARTHEST_M = 1e9
 FAR_M = 1000.0
 """Clouds without a scanner position whose coordinates are larger get a local origin, so that offsets stay small."""
 
@@ -71,7 +74,7 @@ def sensor_frame_setup(station: Station) -> Setup:
 
 def scan_frame_setup(station: Station) -> Setup:
     """Points given in the scan frame, whatever the station."""
-    zero_range = ZERO_RANGE_M if station.known else 0.0
+    zero_range = ZERO_RANGE_M if station.known else SAME_PLACE_M
     return Setup(station, np.eye(3), -np.asarray(station.position, dtype=np.float64), zero_range)
 
 
@@ -96,7 +99,7 @@ def _to_offsets(x, y, z, invalid, matrix, shift, zero_range, offsets, kept):  # 
         oy = d * px + e * py + f * pz + sy
         oz = g * px + h * py + i * pz + sz
         range2 = ox * ox + oy * oy + oz * oz
-        if not np.isfinite(range2):
+        if not range2 < FARTHEST_M * FARTHEST_M:  # nor a number
             n_not_finite += 1
             continue
         if range2 < zero2 or (px == 0.0 and py == 0.0 and pz == 0.0):

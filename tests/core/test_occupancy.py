@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numba
 import numpy as np
 import pytest
@@ -16,9 +18,10 @@ from bim_verify.core.occupancy.grid import CELLS, VoxelGrid, keys_of, voxel_inde
 from bim_verify.core.occupancy.station_rays import station_rays
 from bim_verify.core.occupancy.traverse import walk_rays
 from bim_verify.core.occupancy.votes import Votes
+from bim_verify.core.parallel import spread
 from bim_verify.core.progress import Progress
 from bim_verify.core.scans.campaign import Station
-from bim_verify.core.scans.store import ReturnStore
+from bim_verify.core.scans.store import ReturnStore, in_sector
 from bim_verify.core.simulation.box_building import ArraySource
 
 SIZE = np.array([3.0, 2.4, 2.0])
@@ -28,13 +31,13 @@ GRID = VoxelGrid.for_model(np.zeros(3), 0.02)
 
 
 def room(count: int, station: np.ndarray = STATION, seed: int = 0) -> np.ndarray:
-    """(N, 3) returns from the walls of an empty room, 1 mm noise."""
+    """(N, 3) returns from the walls of an empty room, 1 mm noise; single precision."""
     random = np.random.default_rng(seed)
     direction = random.standard_normal((count, 3))
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     with np.errstate(divide="ignore"):
         reach = np.where(direction > 0, (SIZE - station) / direction, -station / direction).min(axis=1)
-    return direction * (reach + 0.001 * random.standard_normal(count))[:, None]
+    return (direction * (reach + 0.001 * random.standard_normal(count))[:, None]).astype(np.float32)
 
 
 def all_bricks(low: float = -0.2) -> BrickTable:
@@ -57,8 +60,9 @@ def test_grid_is_fixed_to_the_model_frame() -> None:
     assert np.allclose(center, there, atol=1e-9)
 
 
-def test_fast_labels_equal_exact_traversal() -> None:
-    rays = station_rays(build_index(room(60_000)), 60_000, GRID.edge)
+@pytest.mark.parametrize("count", [60_000, 400_000])  # rays farther apart than half a voxel, and closer
+def test_fast_labels_equal_exact_traversal(count: int) -> None:
+    rays = station_rays(build_index(room(count)), count, GRID.edge)
     table = all_bricks()
     walked = np.zeros((len(table), CELLS), np.bool_)
     steps = walk_rays(rays.end, STATION, GRID.anchor, GRID.edge, table, walked)
@@ -98,6 +102,20 @@ def test_a_dense_scan_needs_three_returns_and_a_sparse_one_says_that_it_does_not
     assert sparse.occupied().count == 1 and sparse.occupied().sparse == 1
 
 
+def test_sectors_share_out_all_directions_in_single_precision() -> None:
+    direction = np.array([[1.0, -1e-9, 0.0], [1.0, 0.0, 0.0], [-1.0, 1e-9, 0.3], [-1.0, -1e-9, 0.3]], np.float32)
+    edges = [0.0, 1.0, np.pi, 2 * np.pi + 1e-9]
+    assert (sum(in_sector(direction, a, b).astype(int) for a, b in pairwise(edges)) == 1).all()
+
+
+@pytest.mark.parametrize("total", [1, 2, 7, 64, 997, 1000])
+def test_spread_work_comes_once_and_evenly(total: int) -> None:
+    parts = np.arange(total) * spread(total) % total
+    assert (np.sort(parts) == np.arange(total)).all()
+    if total > 50:
+        assert abs(parts[: total // 2].mean() - total / 2) < 0.05 * total
+
+
 def observed(memory_gb: float, order: np.ndarray | None = None, swap: bool = False) -> np.ndarray:
     returns = [room(40_000), room(40_000, SECOND, 5)]
     if order is not None:
@@ -129,7 +147,7 @@ def test_result_does_not_depend_on_order_or_threads() -> None:
 
 def test_result_does_not_depend_on_tiles() -> None:
     whole = observed(1.0)
-    for memory_gb in (0.004, 0.0015):  # 2 and 4 tiles of each station
+    for memory_gb in (0.002, 0.00075):  # 2 and 4 tiles of each station
         assert (whole == observed(memory_gb)).all()
 
 
@@ -137,7 +155,7 @@ def test_returns_in_a_file_are_sorted_once_and_stay_the_same() -> None:
     returns = [room(20_000, seed=seed) for seed in range(4)]
     stations = tuple(Station(str(n), STATION) for n in range(4))
     kept = []
-    for memory_gb in (1.0, 0.0045):
+    for memory_gb in (1.0, 0.00225):
         with ReturnStore(ArraySource(stations, returns), memory_gb) as store:
             indexes = StationIndexes(store, np.zeros(3))
             for _ in range(2):
