@@ -203,6 +203,13 @@ def duration(seconds: float) -> str:
     return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
 
 
+def rough_duration(seconds: float) -> str:
+    """``45 s``, ``4 min``, ``2 h``: no longer than the header of a panel is wide."""
+    if (whole := round(seconds)) < 60:
+        return f"{whole} s"
+    return f"{round(whole / 60)} min" if whole < 3600 else f"{round(whole / 3600)} h"
+
+
 def _redraw(context: bpy.types.Context) -> None:
     """Draw the sidebars again, and not the views: drawing a large cloud ten times a second would slow the job down."""
     for window in context.window_manager.windows:

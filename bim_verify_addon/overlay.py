@@ -21,13 +21,14 @@ MARGIN = 20
 RAMP_LINES = 9
 """Height of a ramp, in lines of text."""
 
-PLATE = (0.1, 0.1, 0.1, 0.75)
+Linear = tuple[float, float, float, float]
+PLATE: Linear = (0.1, 0.1, 0.1, 0.75)
+FRONT_PLATE: Linear = (0.1, 0.1, 0.1, 0.95)
+"""Beside the mouse: it may lie over the other plates."""
 LINE = 1.5
 """Height of a line, in heights of its letters."""
 MOST_ROWS = 12
 """Numbers that are drawn; the panel has them all."""
-
-Linear = tuple[float, float, float, float]
 
 
 def register() -> None:
@@ -140,7 +141,7 @@ def _draw_hover(context: bpy.types.Context, size: float, scale: float) -> None:
     x, y = HOVER.place
     left = x + apart if x + apart + width < context.region.width - right else x - apart - width
     bottom = y - apart - height if y - apart - height > 0 else y + apart
-    _plate(HOVER.lines, size, max(left, 0.0), min(bottom, context.region.height - height))
+    _plate(HOVER.lines, size, max(left, 0.0), min(bottom, context.region.height - height), FRONT_PLATE)
 
 
 def _plate_size(lines: list[str], size: float) -> tuple[float, float]:
@@ -148,9 +149,9 @@ def _plate_size(lines: list[str], size: float) -> tuple[float, float]:
     return max(blf.dimensions(0, line)[0] for line in lines) + 1.2 * size, LINE * len(lines) * size + 0.8 * size
 
 
-def _plate(lines: list[str], size: float, left: float, bottom: float) -> None:
+def _plate(lines: list[str], size: float, left: float, bottom: float, color: Linear = PLATE) -> None:
     """Lines of text on a dark plate; ``left``, ``bottom``: its corner, pixels."""
-    _rectangle(left, bottom, *_plate_size(lines, size), PLATE)
+    _rectangle(left, bottom, *_plate_size(lines, size), color)
     for row, line in enumerate(reversed(lines)):
         _text(left + 0.6 * size, bottom + 0.6 * size + LINE * row * size, line, size)
 

@@ -42,7 +42,7 @@ def show_photos(target: bpy.types.Scene, result: CoregistrationResult) -> str:
         name = Path(path).name
         item = _camera(target, name, result.camera(index), result.model.origin, place, path)
         item["bim_verify_state"] = states[index]
-        item["note"] = found.note or "; ".join(f"Not determined: {w.text}" for w in found.weak)
+        item["note"] = _note(found)
         _coarse(target, name, found, result.model.origin, place)
         _edges(target, name, found, result.model.origin, place)
     if target.camera is None or PHOTO_KEY in target.camera:
@@ -50,6 +50,21 @@ def show_photos(target: bpy.types.Scene, result: CoregistrationResult) -> str:
     placed = sum(state in ("REFINED", "PARTLY") for state in states)
     target[SUMMARY_KEY] = f"{placed} of {len(states)} images are placed on the model."
     return str(target[SUMMARY_KEY])
+
+
+def _note(found: ImageRegistration) -> str:
+    """How well an image is placed: standard deviations, how many lines fixed it, what stayed open."""
+    from ..core.imagery.coregistration import sigmas
+
+    said = [found.note] if found.note else []
+    if found.covariance is not None:
+        rotation, position = sigmas(found.covariance)
+        used = sum(match.kept for match in found.matches)
+        said.append(
+            f"Position to {1000 * position:.1f} mm, direction to {np.degrees(rotation):.3f} degrees (one sigma), "
+            f"by {used} lines"
+        )
+    return ". ".join([*said, *(f"Not determined: {w.text}" for w in found.weak)])
 
 
 def clear(target: bpy.types.Scene) -> None:
@@ -86,7 +101,7 @@ def _camera(
     if Path(path).is_file():
         back = data.background_images.new()
         back.image = bpy.data.images.load(str(Path(path).resolve()), check_existing=True)
-        back.alpha = 0.6
+        back.alpha, back.display_depth = 0.5, "FRONT"  # so that it is seen on the model in every shading
         data.show_background_images = True
     item = bpy.data.objects.new(name, data)
     matrix = np.eye(4)

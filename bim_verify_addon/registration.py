@@ -9,6 +9,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import commands, hover, operators, overlay, panels, preferences, properties
+from .leftovers import remove_compiled_files
 from .session import SESSION
 
 CLASSES = (preferences.BimVerifyPreferences, *operators.CLASSES, *panels.CLASSES, *hover.CLASSES)
@@ -35,6 +36,7 @@ def unregister() -> None:
         bpy.utils.unregister_class(cls)
     properties.unregister()
     SESSION.clear()
+    remove_compiled_files()
 
 
 def keep_caches_inside() -> None:

@@ -24,14 +24,14 @@ def wrapped(layout: bpy.types.UILayout, context: bpy.types.Context, text: str) -
 
 def millimetres(value: float) -> str:
     """Metres to ``12.3 mm``; a dash where nothing was measured."""
-    return "–" if not math.isfinite(value) else f"{1000 * value:.1f} mm"
+    return "–" if not math.isfinite(value) else f"{1000 * value:z.1f} mm"
 
 
 def signed_millimetres(value: float) -> str:
     """Metres to ``+12.3 mm``; a dash where nothing was measured."""
-    return "–" if not math.isfinite(value) else f"{1000 * value:+.1f} mm"
+    return "–" if not math.isfinite(value) else f"{1000 * value:+z.1f} mm"
 
 
 def percent(value: float) -> str:
     """A share to ``42 %``."""
-    return "–" if not math.isfinite(value) else f"{100 * value:.0f} %"
+    return "–" if not math.isfinite(value) else f"{100 * value:z.0f} %"

@@ -2,7 +2,8 @@
 
     blender --factory-startup --window-geometry 0 0 1600 1000 --python scripts/render_blender_docs.py -- [--out docs/images]
 
-Needs a window that fills the screen (a virtual one will do). Blender ends when the last picture is there.
+``--inputs DIR`` keeps the demo's files there and takes those that it holds. Needs a window that fills the screen (a
+virtual one will do). Blender ends when the last picture is there.
 ``scripts/render_blender_steps.py`` makes the pictures of the other steps.
 """
 
@@ -46,14 +47,15 @@ def story(folder: Path, out: Path) -> Iterator[float]:
     yield TO_DRAW_S
     choose_tab()
     yield TO_DRAW_S
-    files = make_demo(folder)
+    if not (folder / "scan.e57").exists():
+        make_demo(folder)
     with in_view():
-        bpy.ops.bim_verify.import_ifc("INVOKE_DEFAULT", filepath=str(files.model))
+        bpy.ops.bim_verify.import_ifc("INVOKE_DEFAULT", filepath=str(folder / "house.ifc"))
     yield from until_idle()
     bpy.context.scene.bim_verify.display_points = 50_000
     bpy.context.scene.bim_verify.point_size_mm = 50
     with in_view():
-        bpy.ops.bim_verify.import_scan("INVOKE_DEFAULT", filepath=str(files.scan))
+        bpy.ops.bim_verify.import_scan("INVOKE_DEFAULT", filepath=str(folder / "scan.e57"))
     yield from until_idle()
     frame_building()
     yield TO_DRAW_S
@@ -126,12 +128,13 @@ def point_at_a_deviating_element() -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path(__file__).resolve().parent.parent / "docs" / "images")
+    parser.add_argument("--inputs", type=Path)
     arguments = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else [])
     arguments.out.mkdir(parents=True, exist_ok=True)
 
     def steps() -> Iterator[float]:
         with tempfile.TemporaryDirectory(prefix="bim_verify_docs_") as folder:
-            yield from story(Path(folder), arguments.out.resolve())
+            yield from story((arguments.inputs or Path(folder)).resolve(), arguments.out.resolve())
 
     run(steps())
 

@@ -115,10 +115,8 @@ def photos(inputs: Path, out: Path) -> Iterator[float]:
     yield from do("import_ifc", filepath=str(inputs / "house.ifc"))
     yield from do("coregister", filepath=str(inputs / "cameras.json"))
     with in_view():
-        camera = bpy.context.scene.camera
-        bpy.context.view_layer.objects.active = camera
         bpy.ops.view3d.view_camera()
-    view().spaces.active.shading.type = "WIREFRAME"
+        bpy.ops.view3d.view_center_camera()
     yield from picture("photos", out, frame_first=False)
 
 

@@ -23,8 +23,9 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     main_button(layout, "coregister", "IMAGE_BACKGROUND")
     item = context.object
     if item is not None and photo_scene.PHOTO_KEY in item and item.type == "CAMERA":
-        text = f"{item[photo_scene.PHOTO_KEY]}: {item['bim_verify_state']}. {item['note']}"
-        wrapped(layout.box(), context, text)
+        box = layout.box()
+        wrapped(box, context, f"{item[photo_scene.PHOTO_KEY]}: {str(item['bim_verify_state']).lower()}. {item['note']}")
+        box.operator("view3d.object_as_camera", text="Look Through", icon="VIEW_CAMERA")
 
 
 def show(scene: bpy.types.Scene, result: Any) -> bool:

@@ -151,7 +151,7 @@ def _numbers(item: bpy.types.Object) -> list[tuple[str, str]]:
         ("Shift", shift),
         ("Measurement sigma", millimetres(verdict.measurement_sigma)),
         ("Registration sigma", millimetres(verdict.registration_sigma)),
-        ("Samples", f"{verdict.observed_count} of {verdict.sample_count} observed"),
+        ("Samples", f"{verdict.observed_count} of {verdict.sample_count} with a measured surface"),
         ("Seen by", verdict.stations),
     ]
 

@@ -65,5 +65,6 @@ class BIMVERIFY_OT_coregister(FileJob["CoregistrationResult"], bpy.types.Operato
 
         project.adopt_frame(context.scene, value.model)
         message = show_photos(context.scene, value)
+        context.view_layer.objects.active = context.scene.camera  # the panel says how well it is placed
         self.warn(value.warnings)
         return message

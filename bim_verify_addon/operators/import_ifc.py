@@ -15,6 +15,7 @@ from .. import bonsai, paint, project, scene
 from ..capabilities import CAPABILITIES
 from ..jobs import Work
 from ..session import SESSION
+from ..sight import look_at_all
 from .file_browser import FileJob, idle
 
 if TYPE_CHECKING:
@@ -67,7 +68,11 @@ def adopt_model(context: bpy.types.Context, model: BuildingModel, placement: NDA
     settings.model_path = model.path
     project.adopt_frame(context.scene, model)
     if bonsai.live_file() is None:
+        first = not scene.element_objects(context.scene) and not scene.scan_objects(context.scene)
         scene.show_model(context.scene, model)
+        if first:
+            context.view_layer.update()
+            look_at_all(context, scene.element_objects(context.scene).values())
         if settings.verified_model != model.content_hash:
             for capability in CAPABILITIES:
                 if capability.forget is not None:

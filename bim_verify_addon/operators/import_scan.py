@@ -15,6 +15,7 @@ from ...core.progress import Progress
 from .. import project, scene
 from ..jobs import Work
 from ..session import SESSION
+from ..sight import look_at_all
 from .file_browser import FileJob, idle
 
 
@@ -87,6 +88,7 @@ class BIMVERIFY_OT_import_scan(FileJob[Clouds], bpy.types.Operator):
     def finish(self, context: bpy.types.Context, value: Clouds) -> str:
         settings = context.scene.bim_verify
         model = SESSION.models.get(context.scene.name)
+        first = not scene.element_objects(context.scene) and not scene.scan_objects(context.scene)
         for cloud in value.clouds:
             entry = next((s for s in settings.scans if s.path == cloud.path), None) or settings.scans.add()
             entry.name, entry.path = Path(cloud.path).name, cloud.path
@@ -95,6 +97,9 @@ class BIMVERIFY_OT_import_scan(FileJob[Clouds], bpy.types.Operator):
             scene.show_scan(context.scene, cloud.path, entry.name, cloud.xyz, cloud.station, cloud.color)
         scene.move_scans(context.scene, value.placement)
         scene.show_colors_in_views()
+        if first:
+            context.view_layer.update()
+            look_at_all(context, scene.scan_objects(context.scene))
         settings.alignment_summary = ""
         settings.scan_index = len(settings.scans) - 1
         points = sum(cloud.points for cloud in value.clouds)

@@ -6,7 +6,7 @@ import bpy
 
 from ..capabilities import CAPABILITIES
 from ..capability import Step
-from ..jobs import duration
+from ..jobs import rough_duration
 from ..session import SESSION
 from ..text import wrapped
 
@@ -27,7 +27,7 @@ class BIMVERIFY_PT_steps(bpy.types.Panel):
         job = SESSION.job
         if job is None:
             return
-        left = "" if job.seconds_left is None else f", {duration(job.seconds_left)} left"
+        left = "" if job.seconds_left is None else f", {rough_duration(job.seconds_left)} left"
         self.layout.progress(factor=job.fraction, text=f"{100 * job.fraction:.0f} %{left}")
 
     def draw(self, context: bpy.types.Context) -> None:

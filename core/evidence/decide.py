@@ -257,12 +257,12 @@ def _status(
     absent_up_to, present_from = standing
     if plan.share <= absent_up_to and share < t.absent_seen_share:
         return "PARTIAL", (
-            f"Rays passed through {1 - plan.share:.0%} of what was in view, "
+            f"Rays passed through {1 - plan.share:z.0%} of what was in view, "
             f"but that is only {share:.1%} of its exposed surface."
         )
     if plan.share <= absent_up_to:
         return "ABSENT", (
-            f"Rays passed through {1 - plan.share:.0%} of the {share:.0%} of its surface that was in view, "
+            f"Rays passed through {1 - plan.share:z.0%} of the {share:.0%} of its surface that was in view, "
             "and it was not found nearby."
         )
     if plan.share < present_from:

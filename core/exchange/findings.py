@@ -66,9 +66,9 @@ def _text(result: VerificationResult, verdict: ElementVerdict) -> str:
     if verdict.displacement is not None and verdict.displacement_vector is not None:
         x, y, z = (1000 * v for v in verdict.displacement_vector)
         sigma = "" if verdict.displacement_sigma is None else f" ± {1960 * verdict.displacement_sigma:.1f} mm (95 %)"
-        lines.append(f"Shift {1000 * verdict.displacement:.1f} mm{sigma}; X {x:+.1f}, Y {y:+.1f}, Z {z:+.1f} mm.")
+        lines.append(f"Shift {1000 * verdict.displacement:.1f} mm{sigma}; X {x:+z.1f}, Y {y:+z.1f}, Z {z:+z.1f} mm.")
     if verdict.deviation_median is not None and math.isfinite(verdict.deviation_median):
-        lines.append(f"Median deviation {1000 * verdict.deviation_median:+.1f} mm along the outward normal.")
+        lines.append(f"Median deviation {1000 * verdict.deviation_median:+z.1f} mm along the outward normal.")
     lines.append(f"{verdict.achieved_loa} of {verdict.required_loa}; {verdict.coverage:.0%} of the surface has evidence.")
     lines.append(f"GlobalId {verdict.global_id}" + (f", storey {verdict.storey}" if verdict.storey else ""))
     return plain_text("\n".join(lines))

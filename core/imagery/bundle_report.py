@@ -59,7 +59,7 @@ def write_bundle_report(folder: str | Path, name: str, problem: BundleProblem, r
     control = Section(
         "Control points", "Adjusted less given coordinates.", columns=("Point", "X mm", "Y mm", "Z mm", "Stated sigma mm"),
         rows=[
-            (str(p), *(f"{1000 * v:.1f}" for v in result.points[p] - x), millimetres(float(s.max())))
+            (str(p), *(f"{1000 * v:z.1f}" for v in result.points[p] - x), millimetres(float(s.max())))
             for p, x, s in zip(
                 problem.control.point[:MOST_ROWS], problem.control.coordinates, problem.control.sigma, strict=False
             )

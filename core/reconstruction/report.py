@@ -33,7 +33,7 @@ def write_reconstruction_report(folder: str | Path, result: Reconstruction, comp
             rows=[
                 (f"Wall {k}", f"{w.length:.3f}", millimetres(w.thickness), w.fit.thickness_source.lower(), str(len(w.openings)),
                  percent(w.fit.quality), millimetres(w.fit.fit_sigma), millimetres(w.fit.position_sigma, 2),
-                 f"{1000 * math.tan(w.lean) * (w.top - w.base):.1f} ± {1960 * w.lean_sigma * (w.top - w.base):.1f}")
+                 f"{1000 * math.tan(w.lean) * (w.top - w.base):z.1f} ± {1960 * w.lean_sigma * (w.top - w.base):z.1f}")
                 for k, w in enumerate(storey.walls, start=1)
             ],
             numeric=frozenset({1, 2, 4, 5, 6, 7, 8}),

@@ -42,9 +42,9 @@ def deviation_histogram(result: VerificationResult, color_limit_m: float, bins: 
     for k in range(bins):
         if share[k] > 0:
             fill = "#{:02x}{:02x}{:02x}".format(*color[k])
-            span = f"{edge[k]:+.1f} to {edge[k + 1]:+.1f} mm"
+            span = f"{edge[k]:+z.1f} to {edge[k + 1]:+z.1f} mm"
             if (k == 0 and beyond[0]) or (k == bins - 1 and beyond[1]):
-                span = f"{'below' if k == 0 else 'above'} {edge[1] if k == 0 else edge[k]:+.1f} mm"
+                span = f"{'below' if k == 0 else 'above'} {edge[1] if k == 0 else edge[k]:+z.1f} mm"
             tip = f"{span}: {share[k]:.1f} % of the measured area"
             parts.append(_bar(x(edge[k]) + 0.4, y(share[k]), x(edge[k + 1]) - x(edge[k]) - 0.8, y(0) - y(share[k]),
                               f'class="bin" fill="{fill}"', tip))  # fmt: skip

@@ -43,9 +43,9 @@ def write_page(
 
 def millimetres(value: float | None, digits: int = 1) -> str:
     """Metres as millimetres; a dash where nothing is known."""
-    return "–" if value is None else f"{1000 * value:.{digits}f}"
+    return "–" if value is None else f"{1000 * value:z.{digits}f}"
 
 
 def percent(value: float | None) -> str:
     """A share; a dash where nothing is known."""
-    return "–" if value is None else f"{100 * value:.0f} %"
+    return "–" if value is None else f"{100 * value:z.0f} %"

@@ -82,14 +82,14 @@ def format_description(description: dict[str, Any]) -> str:
     lines = [
         f"{description['path']}: {description['format']}, {_count(len(stations), 'station')}, "
         f"{description['returns']:,} returns of {_count(description['points'], 'point')} (dropped: {lost})",
-        f"  x {low[0]:.3f} to {high[0]:.3f}, y {low[1]:.3f} to {high[1]:.3f}, z {low[2]:.3f} to {high[2]:.3f} m",
+        f"  x {low[0]:z.3f} to {high[0]:z.3f}, y {low[1]:z.3f} to {high[1]:z.3f}, z {low[2]:z.3f} to {high[2]:z.3f} m",
     ]
     for station in stations:
         parts = [f"{station['returns']:,} returns"]
         if station["position"] is None:
             parts.append("scanner position unknown")
         else:
-            parts.append("at " + ", ".join(f"{value:.3f}" for value in station["position"]) + " m")
+            parts.append("at " + ", ".join(f"{value:z.3f}" for value in station["position"]) + " m")
             parts.append(f"up to {station['farthest']:.1f} m away")
         if station["grid"]:
             parts.append(f"grid of {station['grid'][0]} rows and {station['grid'][1]} columns")

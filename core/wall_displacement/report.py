@@ -82,7 +82,7 @@ def _caption(column: Column) -> str:
         return "not determined" if value is None else "below 0.001" if value < 0.001 else f"{value:.3f}"
 
     verdict = "Moved" if column_moved(column) else "No significant movement"
-    bow = "" if column.bow is None else f" It bends by {1000 * column.bow:+.1f} mm against the straight line between its ends."
+    bow = "" if column.bow is None else f" It bends by {1000 * column.bow:+z.1f} mm against the straight line between its ends."
     return (
         f"{verdict}: if it stood still, measurement and registration would show as much with a probability of "
         f"{chance(column.vertical_probability)} vertically and {chance(column.lateral_probability)} laterally.{bow}"
@@ -115,7 +115,7 @@ def _elevation(result: DisplacementResult, limit: float) -> Markup:
         parts.append(
             f'<rect x="{left:.1f}" y="{height - low:.1f}" width="{cell * scale:.1f}" height="{cell * scale:.1f}" '
             f'fill="#{color[0]:02x}{color[1]:02x}{color[2]:02x}" opacity="{1 if sure else 0.35}">'
-            f"<title>{1000 * value:+.1f} mm</title></rect>"
+            f"<title>{1000 * value:+z.1f} mm</title></rect>"
         )
     for column in result.columns:
         if (column.high - column.low) * scale < LABEL_WIDTH:
@@ -124,7 +124,7 @@ def _elevation(result: DisplacementResult, limit: float) -> Markup:
             if joint.vertical is not None:
                 at = float(along_wall(result, np.array([joint.position]))[0])
                 parts.append(_text((at - x.min()) * scale, height - (joint.height - z.min()) * scale + 4,
-                                   f"{1000 * joint.vertical:+.1f}", "middle strong"))  # fmt: skip
+                                   f"{1000 * joint.vertical:+z.1f}", "middle strong"))  # fmt: skip
     return Markup(f'<svg viewBox="0 0 {WIDTH} {height:.0f}" role="img" aria-label="Elevation">{"".join(parts)}</svg>')
 
 
@@ -181,7 +181,7 @@ def _plot(
         parts.append(
             f'<line x1="{x(1000 * (value - bar)):.1f}" x2="{x(1000 * (value + bar)):.1f}" y1="{at:.1f}" y2="{at:.1f}" '
             f'stroke="{JOINT}" stroke-width="2"/><circle cx="{x(1000 * value):.1f}" cy="{at:.1f}" r="4" fill="{JOINT}">'
-            f"<title>{1000 * value:+.2f} mm ± {1000 * bar:.2f} mm at {height:.2f} m</title></circle>"
+            f"<title>{1000 * value:+z.2f} mm ± {1000 * bar:.2f} mm at {height:.2f} m</title></circle>"
         )
     return parts
 

@@ -65,7 +65,7 @@ def summary_lines(result: DisplacementResult) -> list[str]:
         if top is not None:
             value, sigma = 1000 * getattr(top, direction), 1000 * getattr(top, f"{direction}_sigma")
             lines.append(
-                f"Largest {direction} displacement {value:+.1f} mm ({word} positive), sigma {sigma:.1f} mm, in column "
+                f"Largest {direction} displacement {value:+z.1f} mm ({word} positive), sigma {sigma:.1f} mm, in column "
                 f"{top.column} at height {top.height:.2f} m."
             )
     if len(result.field.distance):

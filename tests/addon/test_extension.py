@@ -6,6 +6,7 @@ The last is slow (it downloads and unpacks all wheels) and runs where ``BIM_VERI
 from __future__ import annotations
 
 import importlib.util
+import io
 import os
 import subprocess
 import sys
@@ -20,6 +21,7 @@ import bim_verify
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 TOOL = Path(bpy.utils.system_resource("SCRIPTS")) / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
+SINGLE = "single_of_ours-1.0-py3-none-any.whl"
 PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
 
 slow = pytest.mark.skipif(not os.environ.get("BIM_VERIFY_SLOW_TESTS"), reason="set BIM_VERIFY_SLOW_TESTS to run it")
@@ -63,6 +65,10 @@ assert os.path.exists(os.path.join(where, "gone.py"))
 kept = os.environ["BIM_VERIFY_CACHE"]
 assert kept.startswith(profile), kept
 open(os.path.join(kept, "made_by_us"), "w").close()
+sys.dont_write_bytecode = False
+import single_of_ours
+compiled = single_of_ours.__cached__
+assert compiled.startswith(profile) and os.path.exists(compiled), compiled
 assert 'version = "0.0.1"' not in install(newer)
 assert not os.path.exists(os.path.join(where, "gone.py")), "a file of the older version is still there"
 assert bpy.ops.bim_verify.import_ifc.poll()
@@ -70,6 +76,7 @@ bpy.ops.extensions.package_uninstall(repo_directory=home, pkg_id="bim_verify")
 assert not hasattr(bpy.types.Scene, "bim_verify"), "still registered"
 names = [os.path.join(a, n) for a, folders, files in os.walk(profile) for n in folders + files]
 left = [name for name in names if "bim_verify" in os.path.basename(name) or name.endswith("made_by_us")]
+left += [name for name in names if "single_of_ours" in name or name.endswith((".py", ".pyc"))]
 print("left", left, flush=True)
 os._exit(0)
 """
@@ -98,19 +105,45 @@ def test_an_update_replaces_and_an_uninstall_leaves_nothing(tmp_path: Path) -> N
     profile.mkdir()
     command = [sys.executable, str(TOOL), "build", "--source-dir", str(ROOT), "--output-filepath", str(newer)]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
-    with zipfile.ZipFile(newer) as source, zipfile.ZipFile(older, "w") as target:
-        for name in source.namelist():
-            data = source.read(name)
-            if name == "blender_manifest.toml":
-                data = data.replace(f'version = "{bim_verify.__version__}"'.encode(), b'version = "0.0.1"', 1)
-            target.writestr(name, data)
-        target.writestr("gone.py", "")
+    plain = newer.rename(tmp_path / "plain.zip")
+    rewrite(plain, newer, bim_verify.__version__)
+    rewrite(plain, older, "0.0.1", "gone.py")
     keep = {k: v for k, v in os.environ.items() if k not in ("BIM_VERIFY_CACHE", "NUMBA_CACHE_DIR")}
     done = subprocess.run(
         [sys.executable, "-c", COME_AND_GO, str(older), str(newer)],
         env={**keep, "BLENDER_USER_RESOURCES": str(profile)}, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert "left []" in done.stdout, done.stdout + done.stderr
+
+
+def rewrite(source: Path, target: Path, version: str, *more: str) -> None:
+    """The zip as another version with more files, and with a wheel that is a single file."""
+    with zipfile.ZipFile(source) as read, zipfile.ZipFile(target, "w") as written:
+        for name in read.namelist():
+            data = read.read(name)
+            if name == "blender_manifest.toml":
+                data = data.replace(f'version = "{bim_verify.__version__}"'.encode(), f'version = "{version}"'.encode(), 1)
+                data = data.replace(b"[permissions]", f'wheels = ["./wheels/{SINGLE}"]\n\n[permissions]'.encode(), 1)
+            written.writestr(name, data)
+        for name in more:
+            written.writestr(name, "")
+        written.writestr(f"wheels/{SINGLE}", single_wheel())
+
+
+def single_wheel() -> bytes:
+    """A wheel of one module that is no package."""
+    facts = SINGLE.split("-py3")[0] + ".dist-info"
+    files = {
+        "single_of_ours.py": "",
+        f"{facts}/METADATA": "Metadata-Version: 2.1\nName: single-of-ours\nVersion: 1.0\n",
+        f"{facts}/WHEEL": "Wheel-Version: 1.0\nGenerator: tests\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
+    }
+    record = "".join(f"{name},,\n" for name in (*files, f"{facts}/RECORD"))
+    held = io.BytesIO()
+    with zipfile.ZipFile(held, "w") as wheel:
+        for name, text in {**files, f"{facts}/RECORD": record}.items():
+            wheel.writestr(name, text)
+    return held.getvalue()
 
 
 def test_a_zip_takes_each_wheel_once() -> None:

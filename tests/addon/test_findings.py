@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import ifcopenshell
@@ -13,7 +14,7 @@ from bcf.bcfxml import load
 from mathutils import Vector
 
 from bim_verify.bim_verify_addon import overlay, point_display, project, scene, verdicts
-from bim_verify.bim_verify_addon.sight import sight
+from bim_verify.bim_verify_addon.sight import look_at_all, sight
 from bim_verify.core.errors import Cancelled
 from bim_verify.core.model.decisions import decisions_in
 from bim_verify.core.options import VerifyOptions
@@ -268,3 +269,24 @@ def test_another_model_takes_the_findings_of_the_first_away(verified: bpy.types.
     assert not ops.export_bcf.poll()
     assert not ops.step_finding.poll()
     assert item["GlobalId"] in verdicts.decisions(verified)
+
+
+def test_the_first_thing_in_a_scene_is_looked_at_as_a_whole(
+    blender: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bim_verify.bim_verify_addon.sight.bpy", SimpleNamespace(app=SimpleNamespace(background=False)))
+    items = []
+    for x in (0.0, 300.0):
+        mesh = bpy.data.meshes.new("cube")
+        mesh.from_pydata([(x, 0, 0), (x + 100, 0, 0), (x, 0, 20)], [], [(0, 1, 2)])
+        items.append(bpy.data.objects.new("cube", mesh))
+        blender.collection.objects.link(items[-1])
+    bpy.context.view_layer.update()
+    region = SimpleNamespace(view_perspective="CAMERA", view_location=None, view_distance=0.0)
+    space = SimpleNamespace(region_3d=region, lens=50.0, clip_end=1000.0)
+    areas = [SimpleNamespace(type="VIEW_3D", spaces=SimpleNamespace(active=space)), SimpleNamespace(type="OUTLINER")]
+    look_at_all(SimpleNamespace(window=SimpleNamespace(screen=SimpleNamespace(areas=areas))), items)
+    assert region.view_perspective == "PERSP"
+    assert tuple(region.view_location) == pytest.approx((200.0, 0.0, 10.0))
+    assert 400.0 < region.view_distance < 700.0
+    assert space.clip_end > region.view_distance + 400.0

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from bim_verify.bim_verify_addon import jobs
-from bim_verify.bim_verify_addon.jobs import Job, duration
+from bim_verify.bim_verify_addon.jobs import Job, duration, rough_duration
 from bim_verify.bim_verify_addon.session import SESSION
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.progress import Progress
@@ -199,3 +199,8 @@ def test_a_repeat_in_a_window_does_not_block_it(monkeypatch: pytest.MonkeyPatch)
     operator.options = SimpleNamespace(is_repeat=False, is_repeat_last=False)
     assert operator.execute(fake_context()) == {"FINISHED"}
     assert operator.finished == [3]
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(0.4, "0 s"), (59.4, "59 s"), (59.6, "1 min"), (154, "3 min"), (7300, "2 h")])
+def test_the_header_of_a_panel_gets_it_short(seconds: float, text: str) -> None:
+    assert rough_duration(seconds) == text

@@ -58,7 +58,8 @@ def test_the_operator_places_cameras_with_their_images(
     assert SESSION.job is None
     assert [p.name for p in given["images"]] == ["room.png"] and len(given["cameras"].cameras) == 1
     item = next(i for i in blender.objects if i.type == "CAMERA")
-    assert item["bim_verify_state"] == "REFINED" and blender.camera == item
+    assert item["bim_verify_state"] == "REFINED" and blender.camera == bpy.context.view_layer.objects.active == item
+    assert item["note"].startswith("Position to ") and "lines" in item["note"]
     assert Path(item.data.background_images[0].image.filepath).name == "room.png"
     assert "1 of 1 images" in blender[photo_scene.SUMMARY_KEY]
     step = next(c.step for c in CAPABILITIES if c.name == "photos")
