@@ -44,6 +44,8 @@ class Samples:
     x: Array
     rise: float
     """Of the rays: change of v per metre of depth."""
+    lean: float
+    """Of the face: change of its depth y per metre of v. A flank turns with its panel."""
     noise: float
     """Mean absolute distance of the face's own returns from it [m]."""
     relief: float
@@ -79,7 +81,7 @@ def choose_flank(samples: Sequence[Samples], low: float, high: float) -> Flank:
     total = np.zeros((len(depths), len(SLOPES)))
     for one in thinned:
         total += _unlikeliness(
-            places, depths, np.array(SLOPES), one.rise, one.v, one.depth, one.noise, one.relief, one.rough, one.deepest
+            places, depths, np.array(SLOPES), one.rise - one.lean, one.v, one.depth, one.noise, one.relief, one.rough, one.deepest
         )
     best, least = Flank(shallowest, 0.0), math.inf
     for (row, column), cost in np.ndenumerate(total):
@@ -111,7 +113,7 @@ def fit_edge(samples: Samples, flank: Flank, low: float, high: float) -> Edge:
 def _cost_of(places: Array, flank: Flank, samples: Samples) -> Array:
     return np.asarray(
         _costs(
-            places, flank.slope, flank.depth, samples.rise, samples.v, samples.depth,
+            places, flank.slope, flank.depth, samples.rise - samples.lean, samples.v, samples.depth,
             samples.noise, samples.relief, samples.rough, samples.deepest,
         )
     )
@@ -159,8 +161,9 @@ def _costs(places, slope, deep, rise, v, depth, noise, relief, rough, deepest): 
         high = np.searchsorted(v, places[k] + height, side="right")
         total = before[low] + after[size] - after[high]
         for i in range(low, high):
-            own = min(abs(depth[i] - deep * (v[i] - places[k]) / height) / noise + log_noise, log_stray)
-            if 0.0 <= depth[i] <= relief:
+            behind = depth[i] - deep * (v[i] - places[k]) / height
+            own = min(abs(behind) / noise + log_noise, log_stray)
+            if 0.0 <= behind <= relief:
                 own = min(own, log_relief)
             total += own
         out[k] = total
