@@ -1,8 +1,10 @@
 """Where the edges of joints lie: flanks fitted to the returns of both epochs, and how well the returns fix them.
 
 A flank is what the edge of a panel looks like in section: the face, then a slope (a chamfer; none where edges are sharp)
-down to a depth, then the gap, from which returns come back at any depth beyond. Slope and depth are common to the joints
-of a column, whose panels come out of like moulds; they are chosen by the likelihood of all its returns near joints.
+down to a depth, then the gap, from which returns come back at any depth beyond. A beam that meets two of them reports a
+depth between, weighed by what each sends back (``flank_profile``). Slope and depth are common to the joints of a column,
+whose panels come out of like moulds, and the beam's radius to both epochs; they are chosen by the likelihood of all
+returns near joints.
 """
 
 from __future__ import annotations
@@ -22,6 +24,10 @@ SLOPES = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0)
 """Height of a flank over its depth; 0: a sharp edge."""
 DEPTH_STEP_M, DEEPEST_M = 0.002, 0.04
 STEP_M, COARSE_STEP_M = 0.0002, 0.001
+BEAM_RADII_M = (0.0, 0.002, 0.0035, 0.005, 0.007, 0.0095, 0.013)
+PROFILE_STEP_M = 0.0004
+AIM_M = 0.0005
+"""How well the direction of a single beam and the straightness of an edge are known, at the edge."""
 NOT_UNLIKELY = 30.0
 """Places of likelihoods below exp(-30) of the best one's add nothing to the mean; they are looked at in coarse steps only."""
 BLOCKS = 8
@@ -58,10 +64,11 @@ class Samples:
 
 @dataclass(frozen=True)
 class Flank:
-    """Depth [m] at which the slope ends, and height over depth of the slope."""
+    """Depth [m] at which the slope ends, height over depth of the slope, and the radius of the beams [m]."""
 
     depth: float
     slope: float
+    beam: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -78,16 +85,24 @@ def choose_flank(samples: Sequence[Samples], low: float, high: float) -> Flank:
     places = np.arange(low, high + COARSE_STEP_M, COARSE_STEP_M)
     shallowest = max((s.relief for s in thinned), default=0.004)
     depths = np.arange(shallowest, max(DEEPEST_M, shallowest) + 1e-9, DEPTH_STEP_M)
-    total = np.zeros((len(depths), len(SLOPES)))
-    for one in thinned:
-        total += _unlikeliness(
-            places, depths, np.array(SLOPES), one.rise - one.lean, one.v, one.depth, one.noise, one.relief, one.rough, one.deepest
-        )
-    best, least = Flank(shallowest, 0.0), math.inf
-    for (row, column), cost in np.ndenumerate(total):
-        if cost < least - 1e-9:
-            best, least = Flank(float(depths[row]), SLOPES[column]), float(cost)
-    return best
+    best = _likeliest_flank(thinned, places, [Flank(float(d), s) for d in depths for s in SLOPES])
+    best = _likeliest_flank(thinned, places, [replace(best, beam=r) for r in BEAM_RADII_M])
+    if best.beam == 0.0:
+        return best
+    # the beam blurs the corners: slope and depth anew under it
+    best = _likeliest_flank(thinned, places, [Flank(float(d), s, best.beam) for d in depths[::2] for s in SLOPES] + [best])
+    return _likeliest_flank(thinned, places, [best] + [replace(best, beam=r) for r in BEAM_RADII_M])
+
+
+def _likeliest_flank(samples: Sequence[Samples], places: Array, flanks: Sequence[Flank]) -> Flank:
+    """The first of those that are likeliest, all places of each edge being equally likely."""
+    total = np.zeros(len(flanks))
+    for one in samples:
+        for k, flank in enumerate(flanks):
+            cost = _cost_of(places, flank, one)
+            least = float(cost.min())
+            total[k] += least - math.log(float(np.mean(np.exp(least - cost))))
+    return flanks[int(np.argmax(total <= total.min() + 1e-9))]
 
 
 def fit_edge(samples: Samples, flank: Flank, low: float, high: float) -> Edge:
@@ -113,35 +128,58 @@ def fit_edge(samples: Samples, flank: Flank, low: float, high: float) -> Edge:
 def _cost_of(places: Array, flank: Flank, samples: Samples) -> Array:
     return np.asarray(
         _costs(
-            places, flank.slope, flank.depth, samples.rise - samples.lean, samples.v, samples.depth,
+            places, flank.slope, flank.depth, flank.beam, samples.rise - samples.lean, samples.v, samples.depth,
             samples.noise, samples.relief, samples.rough, samples.deepest,
         )
     )
 
 
 @njit(cache=True, nogil=True)
-def _unlikeliness(places, depths, slopes, rise, v, depth, noise, relief, rough, deepest):  # type: ignore[no-untyped-def]
-    """(D, S) negative log of the likelihood of one edge's samples, all places being equally likely, per depth and slope."""
-    out = np.zeros((depths.size, slopes.size))
-    for i in range(depths.size):
-        for j in range(slopes.size):
-            cost = _costs(places, slopes[j], depths[i], rise, v, depth, noise, relief, rough, deepest)
-            least = cost.min()
-            out[i, j] = least - math.log(np.mean(np.exp(least - cost)))
+def flank_profile(slope, deep, beam, rise, deepest):  # type: ignore[no-untyped-def]
+    """Depths that beams report at heights from ``-beam`` on, ``PROFILE_STEP_M`` apart; rays climb by ``rise`` a depth.
+
+    Within a beam all surfaces count by the beam's power there (a normal distribution, its radius two standard deviations)
+    and by the cosine of incidence: the face, the slope, the side of the panel where rays see it, and the back of the gap.
+    """
+    height = max((slope - rise) * deep, 0.0) if slope > 0 else 0.0
+    first = deep if slope > 0 else 0.0
+    side = max(-rise, 0.0)
+    count = int((height + 2.0 * beam) / PROFILE_STEP_M) + 2
+    out = np.empty(count)
+    reach = int(beam / PROFILE_STEP_M)
+    on_slope = (slope - rise) / math.sqrt(1.0 + (slope - rise) ** 2)
+    on_side = side / math.sqrt(1.0 + side**2)
+    for k in range(count):
+        total, mean = 0.0, 0.0
+        for j in range(-reach, reach + 1):
+            t = (k + j) * PROFILE_STEP_M - beam
+            if t < 0.0:
+                depth, shade = 0.0, 1.0
+            elif t < height:
+                depth, shade = t / (slope - rise), on_slope
+            elif side > 0.0 and first + (t - height) / side < deepest:
+                depth, shade = first + (t - height) / side, on_side
+            else:
+                depth, shade = deepest, 1.0
+            power = shade * math.exp(-2.0 * (j * PROFILE_STEP_M / max(beam, PROFILE_STEP_M)) ** 2)
+            total, mean = total + power, mean + power * depth
+        out[k] = mean / total
     return out
 
 
 @njit(cache=True, nogil=True)
-def _costs(places, slope, deep, rise, v, depth, noise, relief, rough, deepest):  # type: ignore[no-untyped-def]
+def _costs(places, slope, deep, beam, rise, v, depth, noise, relief, rough, deepest):  # type: ignore[no-untyped-def]
     """Negative log likelihood of the depths for each place of the corner; ``v`` ascending.
 
-    On the face and the slope: Laplace noise, relief of the face, strays. In the gap: any depth from ``deep`` to as far as
-    beams go.
+    On the face: Laplace noise, relief of the face, strays. Near the edge the same about what beams report there. In the
+    gap: any depth from ``deep`` to as far as beams go.
     """
     # rays that climb away from the slope see less of it
     height = max((slope - rise) * deep, 0.0) if slope > 0 else 0.0
+    profile = flank_profile(slope, deep, beam, rise, deepest)
     reach = max(deepest, deep) + 0.02
-    log_noise = math.log(2.0 * noise / (1.0 - rough - CHANCE_OF_STRAY))
+    known = 1.0 - rough - CHANCE_OF_STRAY
+    log_noise = math.log(2.0 * noise / known)
     log_relief = math.log(max(relief, noise) / max(rough, 1e-9))
     log_stray = math.log(reach / CHANCE_OF_STRAY)
     log_gap = math.log(max(reach - deep, 1e-3))
@@ -157,14 +195,20 @@ def _costs(places, slope, deep, rise, v, depth, noise, relief, rough, deepest): 
         after[i + 1] = after[i] + in_gap
     out = np.zeros(places.size)
     for k in range(places.size):
-        low = np.searchsorted(v, places[k], side="right")
-        high = np.searchsorted(v, places[k] + height, side="right")
+        low = np.searchsorted(v, places[k] - beam, side="right")
+        high = np.searchsorted(v, places[k] + height + beam, side="right")
         total = before[low] + after[size] - after[high]
         for i in range(low, high):
-            behind = depth[i] - deep * (v[i] - places[k]) / height
-            own = min(abs(behind) / noise + log_noise, log_stray)
+            at = (v[i] - places[k] + beam) / PROFILE_STEP_M
+            cell = min(int(at), profile.size - 2)
+            steep = profile[cell + 1] - profile[cell]
+            behind = depth[i] - profile[cell] - (at - cell) * steep
+            wide = noise + AIM_M / PROFILE_STEP_M * abs(steep) if beam > 0.0 else noise
+            own = min(abs(behind) / wide + math.log(2.0 * wide / known), log_stray)
             if 0.0 <= behind <= relief:
                 own = min(own, log_relief)
+            if v[i] > places[k] + height:
+                own = min(own, max(deep - depth[i], 0.0) / noise + log_gap + math.log(2.0))
             total += own
         out[k] = total
     return out
