@@ -26,10 +26,11 @@ DEPTH_STEP_M, DEEPEST_M = 0.002, 0.04
 STEP_M, COARSE_STEP_M = 0.0002, 0.001
 BEAM_RADII_M = (0.0, 0.002, 0.0035, 0.005, 0.007, 0.0095, 0.013)
 PROFILE_STEP_M = 0.0004
-AIM_M = 0.0005
-"""How well the direction of a single beam and the straightness of an edge are known, at the edge."""
+AIMS_M = (0.0003, 0.0006, 0.0012, 0.002, 0.0035)
 NOT_UNLIKELY = 30.0
 """Places of likelihoods below exp(-30) of the best one's add nothing to the mean; they are looked at in coarse steps only."""
+LEAST_PROBABLE, MOST_FLANKS = 6.0, 8
+"""Flanks that are less likely by exp(-6) are left out of how much an edge depends on its flank."""
 BLOCKS = 8
 BLOCK_REACH_M = 0.008
 MOST_SAMPLES, ENOUGH_FOR_SHAPE = 12_000, 500
@@ -60,76 +61,104 @@ class Samples:
     """Share of the face's returns that lie in relief."""
     deepest: float
     """How far behind the face beams go that enter the gap [m]."""
+    level_sigma: float = 0.0
+    """Standard deviation of the face's depth [m]."""
 
 
 @dataclass(frozen=True)
 class Flank:
-    """Depth [m] at which the slope ends, height over depth of the slope, and the radius of the beams [m]."""
+    """Depth [m] at which the slope ends, and height over depth of the slope; what blurs it."""
 
     depth: float
     slope: float
     beam: float = 0.0
+    """Radius of the beams on the wall [m]."""
+    aim: float = 0.0003
+    """How far single beams meet the wall from where their angles say, and edges lie off a straight line [m]."""
 
 
 @dataclass(frozen=True)
 class Edge:
-    """Height of the edge's front corner [m], and its standard deviation."""
+    """Height of the edge's front corner [m], and its standard deviation when the flank is as taken."""
 
     at: float
     sigma: float
+    others: Array
+    """(K,) height of the corner [m] under other flanks."""
 
 
-def choose_flank(samples: Sequence[Samples], low: float, high: float) -> Flank:
-    """The flank under which the samples of all edges are most likely; edges are looked for from ``low`` to ``high`` [m]."""
+@dataclass(frozen=True)
+class Flanks:
+    """The likeliest flank, others that are not much less likely, and their probabilities (1 + K,), the best one's first."""
+
+    best: Flank
+    others: tuple[Flank, ...]
+    probability: Array
+
+
+def choose_flank(samples: Sequence[Samples], low: float, high: float) -> Flanks:
+    """The flanks under which the samples of all edges are likely; edges are looked for from ``low`` to ``high`` [m]."""
     thinned = [_thinned(s, ENOUGH_FOR_SHAPE) for s in samples]
     places = np.arange(low, high + COARSE_STEP_M, COARSE_STEP_M)
     shallowest = max((s.relief for s in thinned), default=0.004)
     depths = np.arange(shallowest, max(DEEPEST_M, shallowest) + 1e-9, DEPTH_STEP_M)
-    best = _likeliest_flank(thinned, places, [Flank(float(d), s) for d in depths for s in SLOPES])
-    best = _likeliest_flank(thinned, places, [replace(best, beam=r) for r in BEAM_RADII_M])
-    if best.beam == 0.0:
-        return best
-    # the beam blurs the corners: slope and depth anew under it
-    best = _likeliest_flank(thinned, places, [Flank(float(d), s, best.beam) for d in depths[::2] for s in SLOPES] + [best])
-    return _likeliest_flank(thinned, places, [best] + [replace(best, beam=r) for r in BEAM_RADII_M])
+    known: dict[Flank, float] = {}
+
+    def likeliest(flanks: Sequence[Flank]) -> Flank:
+        for flank in flanks:
+            if flank not in known:
+                known[flank] = sum(_unlikeliness(places, flank, s) for s in thinned)
+        least = min(known[f] for f in flanks)
+        return next(f for f in flanks if known[f] <= least + 1e-9)
+
+    best = likeliest([Flank(float(d), s) for d in depths for s in SLOPES])
+    # the blur hides the corners: slope and depth anew under it
+    for _ in range(2):
+        best = likeliest([replace(best, beam=r, aim=a) for r in BEAM_RADII_M for a in AIMS_M])
+        best = likeliest([best, *(replace(best, depth=float(d), slope=s) for d in depths[::2] for s in SLOPES)])
+    others = sorted((f for f in known if f != best and known[f] < known[best] + LEAST_PROBABLE), key=lambda f: known[f])
+    chosen = tuple(others[:MOST_FLANKS])
+    weight = np.exp([known[best] - known[f] for f in (best, *chosen)])
+    return Flanks(best, chosen, weight / weight.sum())
 
 
-def _likeliest_flank(samples: Sequence[Samples], places: Array, flanks: Sequence[Flank]) -> Flank:
-    """The first of those that are likeliest, all places of each edge being equally likely."""
-    total = np.zeros(len(flanks))
-    for one in samples:
-        for k, flank in enumerate(flanks):
-            cost = _cost_of(places, flank, one)
-            least = float(cost.min())
-            total[k] += least - math.log(float(np.mean(np.exp(least - cost))))
-    return flanks[int(np.argmax(total <= total.min() + 1e-9))]
+def _unlikeliness(places: Array, flank: Flank, samples: Samples) -> float:
+    """Negative log of the likelihood of one edge's samples, all places being equally likely."""
+    cost = _cost_of(places, flank, samples)
+    least = float(cost.min())
+    return least - math.log(float(np.mean(np.exp(least - cost))))
 
 
-def fit_edge(samples: Samples, flank: Flank, low: float, high: float) -> Edge:
+def fit_edge(samples: Samples, flanks: Flanks, low: float, high: float) -> Edge:
     """The edge, looked for from ``low`` to ``high`` [m]: mean and spread of its likelihood."""
     samples = _thinned(samples, MOST_SAMPLES)
     coarse = np.arange(low, high + COARSE_STEP_M, COARSE_STEP_M)
-    cost = _cost_of(coarse, flank, samples)
+    cost = _cost_of(coarse, flanks.best, samples)
     likely = coarse[cost < cost.min() + NOT_UNLIKELY]
     places = np.arange(low, high + STEP_M, STEP_M)
     places = places[(places > likely[0] - BLOCK_REACH_M) & (places < likely[-1] + BLOCK_REACH_M)]
     rank = np.empty(len(samples.x), np.int64)
     rank[np.argsort(samples.x, kind="stable")] = np.arange(len(rank))
     block = rank * BLOCKS // max(len(rank), 1)
-    parts = np.stack([_cost_of(places, flank, _rows_of(samples, block == k)) for k in range(BLOCKS)])
+    parts = np.stack([_cost_of(places, flanks.best, _rows_of(samples, block == k)) for k in range(BLOCKS)])
     whole = parts.sum(axis=0)
     at, own = _moments(places, whole)
     near = np.abs(places - at) <= BLOCK_REACH_M
     without = [_moments(places[near], (whole - part)[near])[0] for part in parts]
     spread = float(np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((np.array(without) - np.mean(without)) ** 2)))
-    return Edge(at, math.sqrt(max(spread, own) ** 2 + STEP_M**2 / 12.0))
+    # where the face lies is not known better than its line
+    off = samples.level_sigma
+    moved = replace(samples, depth=samples.depth + off, v=samples.v + samples.rise * off)
+    by_level = _moments(places, _cost_of(places, flanks.best, moved))[0] - at if off > 0 else 0.0
+    others = [_moments(places, _cost_of(places, flank, samples))[0] for flank in flanks.others]
+    return Edge(at, math.sqrt(max(spread, own) ** 2 + by_level**2 + STEP_M**2 / 12.0), np.array(others))
 
 
 def _cost_of(places: Array, flank: Flank, samples: Samples) -> Array:
     return np.asarray(
         _costs(
-            places, flank.slope, flank.depth, flank.beam, samples.rise - samples.lean, samples.v, samples.depth,
-            samples.noise, samples.relief, samples.rough, samples.deepest,
+            places, flank.slope, flank.depth, flank.beam, flank.aim, samples.rise - samples.lean, samples.v,
+            samples.depth, samples.noise, samples.relief, samples.rough, samples.deepest,
         )
     )
 
@@ -168,7 +197,7 @@ def flank_profile(slope, deep, beam, rise, deepest):  # type: ignore[no-untyped-
 
 
 @njit(cache=True, nogil=True)
-def _costs(places, slope, deep, beam, rise, v, depth, noise, relief, rough, deepest):  # type: ignore[no-untyped-def]
+def _costs(places, slope, deep, beam, aim, rise, v, depth, noise, relief, rough, deepest):  # type: ignore[no-untyped-def]
     """Negative log likelihood of the depths for each place of the corner; ``v`` ascending.
 
     On the face: Laplace noise, relief of the face, strays. Near the edge the same about what beams report there. In the
@@ -203,7 +232,7 @@ def _costs(places, slope, deep, beam, rise, v, depth, noise, relief, rough, deep
             cell = min(int(at), profile.size - 2)
             steep = profile[cell + 1] - profile[cell]
             behind = depth[i] - profile[cell] - (at - cell) * steep
-            wide = noise + AIM_M / PROFILE_STEP_M * abs(steep) if beam > 0.0 else noise
+            wide = noise + aim / PROFILE_STEP_M * abs(steep)
             own = min(abs(behind) / wide + math.log(2.0 * wide / known), log_stray)
             if 0.0 <= behind <= relief:
                 own = min(own, log_relief)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .columns import Face, FoundJoint
-from .edges import LEAST_NOISE_M, Edge, Flank, Samples, choose_flank, fit_edge
+from .edges import LEAST_NOISE_M, Edge, Flanks, Samples, choose_flank, fit_edge
 from .epoch import spread_rows
 from .face_lines import FaceLine, FacePart, fit_faces
 
@@ -120,24 +120,28 @@ def joint_sections(
 def measure_joints(sections: Sequence[JointSection]) -> list[Movement]:
     """Movements of the joints of one column, whose edges are alike."""
     seen = [s for section in sections for pair in section.samples if None not in pair for s in pair if s is not None]
-    flank = choose_flank(seen, *EDGE_RANGE_M)
-    return [_measured(section, flank) for section in sections]
+    flanks = choose_flank(seen, *EDGE_RANGE_M)
+    return [_measured(section, flanks) for section in sections]
 
 
-def _measured(section: JointSection, flank: Flank) -> Movement:
+def _measured(section: JointSection, flanks: Flanks) -> Movement:
     first, second = section.joints
     edges: list[list[Edge] | None] = []
     for (base, later), sign in zip(section.samples, (1.0, -1.0), strict=True):
         if base is None or later is None:
             edges.append(None)
             continue
-        found = [fit_edge(s, flank, *EDGE_RANGE_M) for s in (base, later)]
-        edges.append([Edge(j.height + sign * e.at, e.sigma) for j, e in zip((first, second), found, strict=True)])
-    return _movement(section.lines, edges, first, second)
+        found = [fit_edge(s, flanks, *EDGE_RANGE_M) for s in (base, later)]
+        edges.append([
+            Edge(j.height + sign * e.at, e.sigma, j.height + sign * e.others)
+            for j, e in zip((first, second), found, strict=True)
+        ])
+    return _movement(section.lines, edges, flanks, first, second)
 
 
 def _movement(
-    lines: Sequence[Sequence[FaceLine | None]], edges: list[list[Edge] | None], first: FoundJoint, second: FoundJoint
+    lines: Sequence[Sequence[FaceLine | None]], edges: list[list[Edge] | None], flanks: Flanks,
+    first: FoundJoint, second: FoundJoint,
 ) -> Movement:
     shifts = [(e[1].at - e[0].at, float(np.hypot(e[0].sigma, e[1].sigma))) for e in edges if e is not None]
     vertical = sigma = opening = None
@@ -146,7 +150,10 @@ def _movement(
         even = len(shifts) == 2 and max(s for _, s in shifts) < 2.5 * min(s for _, s in shifts) + 5e-4
         share = np.full(2, 0.5) if even else weight / weight.sum()
         vertical = float(np.dot(share, [d for d, _ in shifts]))
-        sigma = float(np.sqrt(np.dot(share**2, [s**2 for _, s in shifts])))
+        # the flank is common to all edges: what another one would give for the whole movement
+        others = np.dot(share, [e[1].others - e[0].others for e in edges if e is not None])
+        by_flank = float(np.dot(flanks.probability[1:], (others - vertical) ** 2))
+        sigma = float(np.sqrt(np.dot(share**2, [s**2 for _, s in shifts]) + by_flank))
         if sigma > NOT_DETERMINED_M:
             vertical = sigma = None
     if len(shifts) == 2:
@@ -208,4 +215,4 @@ def edge_samples(
     known = climb[own][np.isfinite(climb[own])]
     rise = sign * float(np.median(known)) if len(known) else 0.0
     deepest = float(np.quantile(depth[own], 0.98))
-    return Samples(sign * v[own], depth[own], x[own], rise, sign * line.slope, noise, deep, rough, deepest)
+    return Samples(sign * v[own], depth[own], x[own], rise, sign * line.slope, noise, deep, rough, deepest, line.sigma)
