@@ -19,6 +19,10 @@ LEAST_LINES = 8
 LONG = 0.4
 """Of the height that all upright lines span: a corner of the building, or one above another."""
 IN_LINE = 0.006
+LONG_LEVEL = 0.4
+"""Of the facade's width, that segments in line span: an eave, a cornice, the foot of the wall."""
+CORNICE, FOOT = 0.08, 0.15
+"""Of the facade's height, that a cornice or what stands before the foot may hide of its upright lines."""
 WIDEST_PX = 1600
 
 
@@ -54,6 +58,7 @@ def find_corners(image: NDArray[np.uint8], name: str, seed: int = 0) -> Array:
     if not np.isfinite(ends).all():
         raise BimVerifyError(f"{name}: the facade is seen too obliquely to find it; give its corners by --corners.")
     left, right, top, bottom = _extent(va, vb)
+    top, bottom = _level_ends(ha, hb, left, right, top, bottom)
     ring = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
     return order_corners((_apply(basis, ring) * size + centre) / shrink)
 
@@ -76,6 +81,20 @@ def _extent(a: Array, b: Array) -> tuple[float, float, float, float]:
     between = (x > left[0] - near) & (x < right[0] + near)
     # things in the street reach below the foot of the wall, hardly anything above its top
     return float(left[0]), float(right[0]), float(low[between].min()), float(max(left[3], right[3]))
+
+
+def _level_ends(a: Array, b: Array, left: float, right: float, top: float, bottom: float) -> tuple[float, float]:
+    """Top and bottom set to long level segments near them: uprights end under cornices, and behind plants at the foot."""
+    first, last = np.minimum(a[:, 0], b[:, 0]), np.maximum(a[:, 0], b[:, 0])
+    z = 0.5 * (a[:, 1] + b[:, 1])
+    shown = np.clip(np.minimum(last, right) - np.maximum(first, left), 0.0, None)
+    high = bottom - top
+    near = IN_LINE * high
+    share = np.array([shown[np.abs(z - v) < near].sum() for v in z]) / max(right - left, 1e-12)
+    long = z[share > LONG_LEVEL]
+    above = long[(long > top - CORNICE * high) & (long < top + near)]
+    below = long[(long < bottom + FOOT * high) & (long > bottom - near)]
+    return float(above.min()) if len(above) else top, float(below.min()) if len(below) else bottom
 
 
 def _vanishing(a: Array, b: Array, rng: np.random.Generator) -> tuple[Array | None, NDArray[np.bool_]]:

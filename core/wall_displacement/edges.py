@@ -33,7 +33,8 @@ LEAST_PROBABLE, MOST_FLANKS = 6.0, 8
 """Flanks that are less likely by exp(-6) are left out of how much an edge depends on its flank."""
 BLOCKS = 8
 BLOCK_REACH_M = 0.008
-MOST_SAMPLES, ENOUGH_FOR_SHAPE = 12_000, 500
+MOST_SAMPLES, ENOUGH_FOR_SHAPE, LEAST_FOR_SHAPE = 12_000, 3000, 100
+"""Of an edge; of all edges of a column for their shape, and of each of them at least."""
 CHANCE_OF_STRAY = 0.01
 """Share of returns near an edge that neither face, flank nor gap explains: of beams that meet two of them."""
 LEAST_NOISE_M = 0.0005
@@ -98,7 +99,7 @@ class Flanks:
 
 def choose_flank(samples: Sequence[Samples], low: float, high: float) -> Flanks:
     """The flanks under which the samples of all edges are likely; edges are looked for from ``low`` to ``high`` [m]."""
-    thinned = [_thinned(s, ENOUGH_FOR_SHAPE) for s in samples]
+    thinned = [_thinned(s, max(ENOUGH_FOR_SHAPE // max(len(samples), 1), LEAST_FOR_SHAPE)) for s in samples]
     places = np.arange(low, high + COARSE_STEP_M, COARSE_STEP_M)
     shallowest = max((s.relief for s in thinned), default=0.004)
     depths = np.arange(shallowest, max(DEEPEST_M, shallowest) + 1e-9, DEPTH_STEP_M)
@@ -111,11 +112,13 @@ def choose_flank(samples: Sequence[Samples], low: float, high: float) -> Flanks:
         least = min(known[f] for f in flanks)
         return next(f for f in flanks if known[f] <= least + 1e-9)
 
-    best = likeliest([Flank(float(d), s) for d in depths for s in SLOPES])
+    best = likeliest([Flank(float(d), s) for d in depths[::2] for s in SLOPES])
     # the blur hides the corners: slope and depth anew under it
     for _ in range(2):
         best = likeliest([replace(best, beam=r, aim=a) for r in BEAM_RADII_M for a in AIMS_M])
-        best = likeliest([best, *(replace(best, depth=float(d), slope=s) for d in depths[::2] for s in SLOPES)])
+        row = SLOPES.index(best.slope)
+        near = [float(d) for d in depths if abs(d - best.depth) < 2.5 * DEPTH_STEP_M]
+        best = likeliest([best, *(replace(best, depth=d, slope=s) for d in near for s in SLOPES[max(row - 2, 0) : row + 3])])
     others = sorted((f for f in known if f != best and known[f] < known[best] + LEAST_PROBABLE), key=lambda f: known[f])
     chosen = tuple(others[:MOST_FLANKS])
     weight = np.exp([known[best] - known[f] for f in (best, *chosen)])
@@ -129,8 +132,24 @@ def _unlikeliness(places: Array, flank: Flank, samples: Samples) -> float:
     return least - math.log(float(np.mean(np.exp(least - cost))))
 
 
-def fit_edge(samples: Samples, flanks: Flanks, low: float, high: float) -> Edge:
-    """The edge, looked for from ``low`` to ``high`` [m]: mean and spread of its likelihood."""
+def fit_edges(samples: Sequence[Samples], flanks: Flanks, low: float, high: float) -> list[Edge]:
+    """The edges of a column, each looked for from ``low`` to ``high`` [m].
+
+    The spread of a likelihood holds if its returns are independent and as the flank says. How far that is from true is
+    alike for all edges of a column: the ratio of the jackknife's variance to the likelihood's, over all of them.
+    """
+    found = [_fit_edge(s, flanks, low, high) for s in samples]
+    if not found:
+        return []
+    own, jackknife = (sum(f[k] ** 2 for f in found) for k in (1, 2))
+    ratio = max(jackknife / max(own, 1e-18), 1.0)
+    return [
+        Edge(at, math.sqrt(ratio * own**2 + level**2 + STEP_M**2 / 12.0), others) for at, own, _, level, others in found
+    ]
+
+
+def _fit_edge(samples: Samples, flanks: Flanks, low: float, high: float) -> tuple[float, float, float, float, Array]:
+    """Mean and spread of the likelihood, the jackknife's, what the face's level adds [m], and the place under other flanks."""
     samples = _thinned(samples, MOST_SAMPLES)
     coarse = np.arange(low, high + COARSE_STEP_M, COARSE_STEP_M)
     cost = _cost_of(coarse, flanks.best, samples)
@@ -151,7 +170,7 @@ def fit_edge(samples: Samples, flanks: Flanks, low: float, high: float) -> Edge:
     moved = replace(samples, depth=samples.depth + off, v=samples.v + samples.rise * off)
     by_level = _moments(places, _cost_of(places, flanks.best, moved))[0] - at if off > 0 else 0.0
     others = [_moments(places, _cost_of(places, flank, samples))[0] for flank in flanks.others]
-    return Edge(at, math.sqrt(max(spread, own) ** 2 + by_level**2 + STEP_M**2 / 12.0), np.array(others))
+    return at, own, spread, by_level, np.array(others)
 
 
 def _cost_of(places: Array, flank: Flank, samples: Samples) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .columns import Face, FoundJoint
-from .edges import LEAST_NOISE_M, Edge, Flanks, Samples, choose_flank, fit_edge
+from .edges import LEAST_NOISE_M, Edge, Flanks, Samples, choose_flank, fit_edges
 from .epoch import spread_rows
 from .face_lines import FaceLine, FacePart, fit_faces
 
@@ -121,22 +121,17 @@ def measure_joints(sections: Sequence[JointSection]) -> list[Movement]:
     """Movements of the joints of one column, whose edges are alike."""
     seen = [s for section in sections for pair in section.samples if None not in pair for s in pair if s is not None]
     flanks = choose_flank(seen, *EDGE_RANGE_M)
-    return [_measured(section, flanks) for section in sections]
-
-
-def _measured(section: JointSection, flanks: Flanks) -> Movement:
-    first, second = section.joints
-    edges: list[list[Edge] | None] = []
-    for (base, later), sign in zip(section.samples, (1.0, -1.0), strict=True):
-        if base is None or later is None:
-            edges.append(None)
-            continue
-        found = [fit_edge(s, flanks, *EDGE_RANGE_M) for s in (base, later)]
-        edges.append([
-            Edge(j.height + sign * e.at, e.sigma, j.height + sign * e.others)
-            for j, e in zip((first, second), found, strict=True)
-        ])
-    return _movement(section.lines, edges, flanks, first, second)
+    wanted = [(k, side) for k, section in enumerate(sections) for side in (0, 1) if None not in section.samples[side]]
+    measured = [s for k, side in wanted for s in sections[k].samples[side] if s is not None]
+    fitted = iter(fit_edges(measured, flanks, *EDGE_RANGE_M))
+    edges: list[list[list[Edge] | None]] = [[None, None] for _ in sections]
+    for k, side in wanted:
+        sign = 1.0 if side == 0 else -1.0
+        edges[k][side] = [
+            Edge(joint.height + sign * edge.at, edge.sigma, joint.height + sign * edge.others)
+            for joint, edge in zip(sections[k].joints, (next(fitted), next(fitted)), strict=True)
+        ]
+    return [_movement(s.lines, e, flanks, *s.joints) for s, e in zip(sections, edges, strict=True)]
 
 
 def _movement(
