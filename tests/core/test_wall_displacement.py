@@ -233,9 +233,9 @@ def flank_samples(edge: float, count: int, random: np.random.Generator) -> Sampl
 @pytest.mark.parametrize("count", [25, 400])
 def test_few_returns_fix_the_edge_of_a_joint_and_sigma_says_how_well_it_moved(count: int) -> None:
     random = np.random.default_rng(1)
-    places = [0.001 * (k % 7) - 0.02 for k in range(40)]
+    places = [0.001 * (k % 7) - 0.02 for k in range(160)]
     samples = [flank_samples(edge, count, random) for edge in places]
-    flanks = choose_flank(samples, -0.08, 0.04)
+    flanks = choose_flank(samples[:40], -0.08, 0.04)
     assert flanks.best.slope == pytest.approx(1.0, abs=0.26)
     assert flanks.best.depth == pytest.approx(0.02, abs=0.004)
     assert flanks.probability.sum() == pytest.approx(1.0)
@@ -245,7 +245,7 @@ def test_few_returns_fix_the_edge_of_a_joint_and_sigma_says_how_well_it_moved(co
     moved = np.diff([e.at for e in edges])[::2] - np.diff(places)[::2]
     sigma = np.hypot([e.sigma for e in edges[::2]], [e.sigma for e in edges[1::2]])
     assert np.sqrt(np.mean(moved**2)) < 0.03 / count + 0.0004
-    assert np.mean(np.abs(moved) < 1.96 * sigma) > 0.85
+    assert np.mean(np.abs(moved) < 1.96 * sigma) > 0.88
 
 
 @pytest.mark.parametrize("share", [0.3, 0.5, 0.65])
