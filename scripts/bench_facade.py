@@ -52,11 +52,11 @@ def main() -> None:
         if warm:
             read_facade(path.with_suffix(".jpg"), settings)
             warm = False
-        start = time.perf_counter()
+        start, used = time.perf_counter(), time.process_time()
         found = read_facade(path.with_suffix(".jpg"), settings)
         seconds = time.perf_counter() - start
         row = score(found, truth)
-        row["seconds"] = [seconds]
+        row["seconds"], row["processor"] = [seconds], [time.process_time() - used]
         row["scale"] = [abs(found.scale.width / truth["width_m"] - 1) / found.scale.relative_sigma]
         reach = np.ptp(np.array(truth["corners_px"]), axis=0).max()
         row["corner"] = [*(np.linalg.norm(found.corners - np.array(truth["corners_px"]), axis=1) / reach)]
@@ -78,7 +78,7 @@ def line(row: dict[str, list[float]]) -> str:
         f"groups {np.mean(row['groups'] or [np.nan]):.3f} "
         f"dimension median {100 * np.median(error):.1f} cm p90 {100 * np.quantile(error, 0.9):.1f} cm "
         f"place {100 * np.median(np.abs(row['place'] or [np.nan])):.1f} cm floors {np.mean(row['floors']):.2f} "
-        f"seconds {np.mean(row['seconds'] or [np.nan]):.2f} "
+        f"seconds {np.mean(row['seconds'] or [np.nan]):.2f} processor {np.mean(row['processor'] or [np.nan]):.2f} "
         f"scale {np.mean(np.array(row['scale']) < 1):.2f}, {np.mean(np.array(row['scale']) < 2):.2f} "
         f"corners median {100 * np.median(row['corner']):.1f} % p90 {100 * np.quantile(row['corner'], 0.9):.1f} %"
     )

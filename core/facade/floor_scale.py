@@ -16,7 +16,8 @@ ROOF_M = 0.6
 """Of a facade's height that belongs to no floor: parapet, eave."""
 SMALL_PX = 480
 """Rows of windows are seen as well in a small picture, and much quicker."""
-MOST_FLOORS = 8
+FLOOR_COUNTS = (1, 2, 3, 4, 6, 8)
+"""Scales that are tried; rows of a facade of five floors are seen with those of four and six."""
 NARROWEST_M, WIDEST_M = 3.0, 120.0
 SAME_PITCH = 0.15
 """Distances between rows whose logarithms differ by less are one."""
@@ -38,9 +39,9 @@ class FloorScale:
 def scale_by_floors(picture: NDArray[np.uint8], aspect: float, floor_height: float) -> FloorScale:
     """Width of the facade from the distance of its rows of windows, for floors of ``floor_height`` [m].
 
-    The search for windows needs a scale, the scale needs the rows. Rows are looked for with the scales of one to eight
-    floors. Each distance of rows counts by how near to the floor height it is at the scale that found it; distances that
-    agree count together, and the best supported one is taken. What else has support makes the sigma.
+    The search for windows needs a scale, the scale needs the rows. Rows are looked for with the scales of
+    ``FLOOR_COUNTS``. Each distance of rows counts by how near to the floor height it is at the scale that found it;
+    distances that agree count together, and the best supported one is taken. What else has support makes the sigma.
     """
     import cv2
 
@@ -49,7 +50,7 @@ def scale_by_floors(picture: NDArray[np.uint8], aspect: float, floor_height: flo
         small = cv2.resize(picture, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
         picture = np.asarray(small, dtype=np.uint8)
     pitches, fit, rows = [], [], []
-    for count in range(1, MOST_FLOORS + 1):
+    for count in FLOOR_COUNTS:
         height = count * floor_height + ROOF_M
         if not NARROWEST_M < height / aspect < WIDEST_M:
             continue

@@ -14,6 +14,7 @@ from .boxes import find_boxes
 from .classify import (
     STOREY_SIGMA,
     TYPICAL_STOREY_M,
+    alike_shapes,
     arch_rise,
     floors,
     group_types,
@@ -81,7 +82,7 @@ def read_picture(
     scale = Scale(
         across, across * picture.shape[0] / picture.shape[1], source, relative, 0.0 if source == "BOTH" else aspect_sigma
     )
-    found = _to_metres(seen, boxes, scale)
+    found = alike_shapes(_to_metres(seen, boxes, scale))
     found = [replace(b, type=t) for b, t in zip(found, group_types(found), strict=True)]
     found.sort(key=lambda b: (round(b.z0, 2), b.x0))
     levels = floors([(b.z0, b.z1) for b in found], scale.height)
