@@ -136,16 +136,14 @@ def fit_edges(samples: Sequence[Samples], flanks: Flanks, low: float, high: floa
     """The edges of a column, each looked for from ``low`` to ``high`` [m].
 
     The spread of a likelihood holds if its returns are independent and as the flank says. How far that is from true is
-    alike for all edges of a column: the ratio of the jackknife's variance to the likelihood's, over all of them.
+    alike for all edges of a column: the ratio of the jackknife's variance to the likelihood's, in the mean of all of them.
     """
     found = [_fit_edge(s, flanks, low, high) for s in samples]
     if not found:
         return []
-    own, jackknife = (sum(f[k] ** 2 for f in found) for k in (1, 2))
-    ratio = max(jackknife / max(own, 1e-18), 1.0)
-    return [
-        Edge(at, math.sqrt(ratio * own**2 + level**2 + STEP_M**2 / 12.0), others) for at, own, _, level, others in found
-    ]
+    step = STEP_M**2 / 12.0
+    ratio = max(float(np.mean([jackknife**2 / (own**2 + step) for _, own, jackknife, _, _ in found])), 1.0)
+    return [Edge(at, math.sqrt(ratio * (own**2 + step) + level**2), others) for at, own, _, level, others in found]
 
 
 def _fit_edge(samples: Samples, flanks: Flanks, low: float, high: float) -> tuple[float, float, float, float, Array]:
