@@ -71,15 +71,15 @@ def fit_faces(parts: Sequence[FacePart], noise: float) -> list[FaceLine | None]:
     count = int(2 * RANGE_M / BIN_M) + 1
     for turn in range(TURNS):
         density = _pooled([parts[k] for k in used], place, count, smoothing)
+        search = SEARCH_M if turn < 2 else 0.0
         place = np.array([
-            _likeliest(parts[k].y, parts[k].z - parts[k].about, *place[i], np.log(density), SEARCH_M if turn < 2 else 0.0)
-            for i, k in enumerate(used)
+            _likeliest(parts[k].y, parts[k].z - parts[k].about, at, slope, np.log(density), search)
+            for k, (at, slope) in zip(used, place, strict=True)
         ])
     density = _pooled([parts[k] for k in used], place, count, smoothing)
     front = _front(density)
-    for i, k in enumerate(used):
-        sigma = _sigma(parts[k], *place[i], np.log(density))
-        lines[k] = FaceLine(float(place[i][0]) + front, float(place[i][1]), parts[k].about, sigma)
+    for k, (at, slope) in zip(used, place.tolist(), strict=True):
+        lines[k] = FaceLine(at + front, slope, parts[k].about, _sigma(parts[k], at, slope, np.log(density)))
     return lines
 
 

@@ -99,8 +99,8 @@ def joint_sections(
     """
     epochs = (base, later)
     parts = []
-    for *joints, room in pairs:
-        for epoch, joint in zip(epochs, joints, strict=True):
+    for first, second, room in pairs:
+        for epoch, joint in zip(epochs, (first, second), strict=True):
             parts.append(face_part(epoch, joint.height - min(FAR_FACE_M, room[0]), joint.height - NEAR_FACE_M, joint.height))
             parts.append(face_part(epoch, joint.height + NEAR_FACE_M, joint.height + min(FAR_FACE_M, room[1]), joint.height))
     found = iter(fit_faces(parts, max(base.face.noise, later.face.noise)))
