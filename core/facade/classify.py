@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 
@@ -51,6 +52,24 @@ def arch_rise(seen: Features, box: PixelBox) -> float:
         if contrast > best:
             best, found = contrast, rise
     return found
+
+
+def alike_shapes(boxes: list[FacadeBox], tolerance: float = ALIKE_M) -> list[FacadeBox]:
+    """The shape of most of those of one kind and size in a row: a blind or a shadow hides the corners of a few only."""
+    out = []
+    for box in boxes:
+        mates = [
+            b.rise
+            for b in boxes
+            if b.kind == box.kind
+            and not b.inferred
+            and all(abs(getattr(b, e) - getattr(box, e)) < tolerance for e in ("z0", "z1", "width"))
+        ]
+        arched = [r for r in mates if r > 0]
+        if len(mates) > 1 and 2 * len(arched) != len(mates):
+            box = replace(box, rise=float(np.median(arched)) if 2 * len(arched) > len(mates) else 0.0)
+        out.append(box)
+    return out
 
 
 def floors(boxes: list[tuple[float, float]], height: float) -> tuple[float, ...]:

@@ -108,6 +108,8 @@ def _lines_of(seen: Features, boxes: list[PixelBox], own: list[int], side: str, 
         near = float(np.median([getattr(boxes[k], side) for k in members]))
         size = min((boxes[k].width if along_x else boxes[k].height) for k in members)
         inward, outward = min(INWARD_M * scale, 0.3 * size), OUTWARD_M * scale
+        # never past the middle of what parts it from the next one
+        outward = min([outward, *(0.5 * _gap(boxes, k, side) for k in members)])
         low = near - (outward if outer < 0 else inward)
         high = near + (inward if outer < 0 else outward)
         total = None
@@ -121,6 +123,21 @@ def _lines_of(seen: Features, boxes: list[PixelBox], own: list[int], side: str, 
         for k in members:
             out[k] = lines
     return out
+
+
+def _gap(boxes: list[PixelBox], k: int, side: str) -> float:
+    """Pixels from one side of a box to the next box there; infinite without one."""
+    axis, outer = side[0], -1 if side[1] == "0" else 1
+    other, back = "y" if axis == "x" else "x", f"{axis}{'1' if outer < 0 else '0'}"
+    own = boxes[k]
+    away = [
+        outer * (getattr(b, back) - getattr(own, side))
+        for b in boxes
+        if b is not own
+        and min(getattr(b, f"{other}1"), getattr(own, f"{other}1")) > max(getattr(b, f"{other}0"), getattr(own, f"{other}0"))
+        and outer * (getattr(b, f"{axis}0") + getattr(b, f"{axis}1") - getattr(own, f"{axis}0") - getattr(own, f"{axis}1")) > 0
+    ]
+    return max(min(away, default=np.inf), 0.0)
 
 
 def _profile(seen: Features, box: PixelBox, along_x: bool) -> NDArray[np.float32]:

@@ -19,6 +19,13 @@ LEAST_LINES = 8
 LONG = 0.4
 """Of the height that all upright lines span: a corner of the building, or one above another."""
 IN_LINE = 0.006
+LONG_LEVEL = 0.4
+"""Of the facade's width, that segments in line span: an eave, a cornice, the foot of the wall."""
+AS_LONG = 0.85
+EAVE_LONG, EAVE_GAP, EAVE_OVER = 0.8, 0.1, 0.012
+"""Of the facade's width: the least length of an eave whose ends count, gaps in it, and how far it hangs over."""
+CORNICE, FOOT = 0.08, 0.15
+"""Of the facade's height, that a cornice or what stands before the foot may hide of its upright lines."""
 WIDEST_PX = 1600
 
 
@@ -54,6 +61,8 @@ def find_corners(image: NDArray[np.uint8], name: str, seed: int = 0) -> Array:
     if not np.isfinite(ends).all():
         raise BimVerifyError(f"{name}: the facade is seen too obliquely to find it; give its corners by --corners.")
     left, right, top, bottom = _extent(va, vb)
+    top, bottom = _level_ends(ha, hb, left, right, top, bottom)
+    left, right = _eave_ends(ha, hb, va, vb, (left, right, top, bottom))
     ring = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
     return order_corners((_apply(basis, ring) * size + centre) / shrink)
 
@@ -76,6 +85,49 @@ def _extent(a: Array, b: Array) -> tuple[float, float, float, float]:
     between = (x > left[0] - near) & (x < right[0] + near)
     # things in the street reach below the foot of the wall, hardly anything above its top
     return float(left[0]), float(right[0]), float(low[between].min()), float(max(left[3], right[3]))
+
+
+def _level_ends(a: Array, b: Array, left: float, right: float, top: float, bottom: float) -> tuple[float, float]:
+    """Top and bottom set to long level segments near them: uprights end under cornices, and behind plants at the foot."""
+    first, last = np.minimum(a[:, 0], b[:, 0]), np.maximum(a[:, 0], b[:, 0])
+    z = 0.5 * (a[:, 1] + b[:, 1])
+    shown = np.clip(np.minimum(last, right) - np.maximum(first, left), 0.0, None)
+    high = bottom - top
+    near = IN_LINE * high
+    share = np.array([shown[np.abs(z - v) < near].sum() for v in z]) / max(right - left, 1e-12)
+    long = z[share > LONG_LEVEL]
+    upper = (z > top - CORNICE * high) & (z < top + near) & (share > LONG_LEVEL)
+    # a roof's ridge lies farther back and looks shorter than the eave before it
+    above = z[upper & (share > AS_LONG * share[upper].max(initial=0.0))]
+    below = long[(long < bottom + FOOT * high) & (long > bottom - near)]
+    return float(above.min()) if len(above) else top, float(below.min()) if len(below) else bottom
+
+
+def _eave_ends(ha: Array, hb: Array, va: Array, vb: Array, box: tuple[float, float, float, float]) -> tuple[float, float]:
+    """Left and right set to where the topmost level line ends, where the corners' own lines are hidden or not the longest."""
+    left, right, top, bottom = box
+    z, wide, high = 0.5 * (ha[:, 1] + hb[:, 1]), right - left, bottom - top
+    own = np.abs(z - top) < IN_LINE * high
+    first, last = np.minimum(ha[own, 0], hb[own, 0]), np.maximum(ha[own, 0], hb[own, 0])
+    runs: list[list[float]] = []
+    for a, b in sorted(zip(first.tolist(), last.tolist(), strict=True)):
+        if runs and a - runs[-1][1] < EAVE_GAP * wide:
+            runs[-1][1] = max(runs[-1][1], b)
+        else:
+            runs.append([a, b])
+    if not runs:
+        return left, right
+    start, end = max(runs, key=lambda r: r[1] - r[0])
+    if end - start < EAVE_LONG * wide:
+        return left, right
+    x = 0.5 * (va[:, 0] + vb[:, 0])
+
+    def corner(at: float) -> float:
+        """The upright line at the end of the eave, which hangs over a little."""
+        near = np.abs(x - at) < EAVE_OVER * wide
+        return float(np.average(x[near], weights=np.abs(vb - va)[near, 1])) if near.any() else at
+
+    return corner(start), corner(end)
 
 
 def _vanishing(a: Array, b: Array, rng: np.random.Generator) -> tuple[Array | None, NDArray[np.bool_]]:

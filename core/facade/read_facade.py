@@ -14,20 +14,22 @@ from .boxes import find_boxes
 from .classify import (
     STOREY_SIGMA,
     TYPICAL_STOREY_M,
+    alike_shapes,
     arch_rise,
     floors,
     group_types,
     kind_of,
 )
 from .features import Features, features
-from .pixel_box import PixelBox, groups
+from .floor_scale import scale_by_floors
+from .pixel_box import PixelBox
 from .records import Arrangement, Array, Facade, FacadeBox, Scale
 from .rectify import CORNER_SIGMA_PX, aspect_ratio, order_corners, rectify
 
 CONNECTED_M = 0.6
 """Elements are connected along an axis when what is between them is narrower than this."""
-ROOF_M = 0.6
-GIVEN_FLOOR_SIGMA = 0.02
+GIVEN_FLOOR_SIGMA, GROUND_FLOOR_SIGMA = 0.02, 0.1
+"""Of a given floor height; and of the distance between the two lowest rows of windows, as a share of the floor height."""
 MAKE_PX, LEAST_PX = 120, 60
 
 
@@ -63,9 +65,11 @@ def read_picture(
     relative = pixel_sigma
     if across is None:
         source = "FLOORHEIGHT"
-        across, rows = _by_floors(picture, aspect, floor_height)
+        by_floors = scale_by_floors(picture, aspect, floor_height or TYPICAL_STOREY_M)
+        across = by_floors.width
         share = GIVEN_FLOOR_SIGMA if floor_height else STOREY_SIGMA
-        relative = math.hypot(share, 0.3 / max(rows, 1) / 3)
+        # a ground floor is often higher: of few rows it is much
+        relative = math.hypot(share, GROUND_FLOOR_SIGMA / max(by_floors.rows - 1, 1), by_floors.sigma)
         if not floor_height:
             warnings.append(
                 f"No length is known: the scale is from a typical floor height of {TYPICAL_STOREY_M:g} m, and may be off by "
@@ -78,7 +82,7 @@ def read_picture(
     scale = Scale(
         across, across * picture.shape[0] / picture.shape[1], source, relative, 0.0 if source == "BOTH" else aspect_sigma
     )
-    found = _to_metres(seen, boxes, scale)
+    found = alike_shapes(_to_metres(seen, boxes, scale))
     found = [replace(b, type=t) for b, t in zip(found, group_types(found), strict=True)]
     found.sort(key=lambda b: (round(b.z0, 2), b.x0))
     levels = floors([(b.z0, b.z1) for b in found], scale.height)
@@ -100,34 +104,6 @@ def read_picture(
         seen.vegetation,
         warnings,
     )
-
-
-def _by_floors(picture: NDArray[np.uint8], aspect: float, floor_height: float | None) -> tuple[float, int]:
-    """Width of the facade from the distance of its rows of windows, metres; and how many rows there are.
-
-    The search for windows needs a scale, the scale needs the rows: a few guesses of the number of floors are tried, and
-    that is taken whose rows stand a floor height apart.
-    """
-    wanted = floor_height or TYPICAL_STOREY_M
-    best, found = math.inf, (wanted * 3 / aspect, 3)
-    for count in range(1, 9):
-        height = count * wanted + ROOF_M
-        across = height / aspect
-        if not 3.0 < across < 120.0:
-            continue
-        seen: Features = features(picture, picture.shape[1] / across)
-        boxes = find_boxes(seen)
-        rows = [r for r in groups(boxes, "y", seen.scale) if len(r) > 1]
-        if not rows:
-            continue
-        middle = sorted(float(np.median([0.5 * (boxes[k].y0 + boxes[k].y1) for k in r])) / seen.scale for r in rows)
-        step = np.diff(middle)
-        step = step[step > 0.5 * wanted]
-        pitch = float(np.median(step)) if len(step) else wanted
-        cost = abs(math.log(pitch / wanted)) + 0.5 / math.sqrt(len(boxes)) + 0.3 * abs(len(step) + 1 - count)
-        if cost < best:
-            best, found = cost, (across * wanted / pitch, len(step) + 1)
-    return found
 
 
 def _to_metres(seen: Features, boxes: list[PixelBox], scale: Scale) -> list[FacadeBox]:

@@ -150,9 +150,9 @@ def _panel(design: WallDesign) -> Array:
     edge = np.minimum.reduce([x, w - x, z, h - z])
     y = -np.maximum(c - edge, 0.0)
     if design.relief == "ridges":
-        y = np.minimum(y, np.where(edge >= c, -RIDGE_DEPTH_M * _in_groove(x, w, RIDGE_PITCH_M, RIDGE_PITCH_M / 3), 0.0))
+        y = np.minimum(y, np.where(edge >= c, -RIDGE_DEPTH_M * _in_groove(x, w, c, RIDGE_PITCH_M, RIDGE_PITCH_M / 3), 0.0))
     if design.relief == "bricks":
-        y = np.minimum(y, np.where(edge >= c, -COURSE_DEPTH_M * _in_groove(z, h, COURSE_M, COURSE_GROOVE_M), 0.0))
+        y = np.minimum(y, np.where(edge >= c, -COURSE_DEPTH_M * _in_groove(z, h, c, COURSE_M, COURSE_GROOVE_M), 0.0))
     grid = np.stack([x, y, z], axis=-1)
     a, b, d, e = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
     front = np.concatenate([np.stack([a, b, d], axis=2), np.stack([a, d, e], axis=2)]).reshape(-1, 3, 3)
@@ -168,17 +168,19 @@ def _panel(design: WallDesign) -> Array:
 def _knots(length: float, chamfer: float, pitch: float, groove: float) -> Array:
     knots = [0.0, chamfer, length - chamfer, length]
     if pitch:
-        count = int((length - 2 * chamfer) / pitch)
-        for k in range(count):
-            middle = length / 2 + (k - (count - 1) / 2) * pitch
+        for middle in _grooves(length, chamfer, pitch):
             knots += [middle - groove / 2 - 0.003, middle - groove / 2, middle + groove / 2, middle + groove / 2 + 0.003]
     return np.unique(np.round([k for k in knots if 0 <= k <= length], 6))
 
 
-def _in_groove(at: Array, length: float, pitch: float, groove: float) -> Array:
-    count = int(length / pitch)
-    middles = length / 2 + (np.arange(count) - (count - 1) / 2) * pitch
-    away = np.abs(at[..., None] - middles).min(axis=-1)
+def _grooves(length: float, chamfer: float, pitch: float) -> Array:
+    """Middles of the grooves that a panel's face has between its chamfers."""
+    count = int((length - 2 * chamfer) / pitch)
+    return np.asarray(length / 2 + (np.arange(count) - (count - 1) / 2) * pitch)
+
+
+def _in_groove(at: Array, length: float, chamfer: float, pitch: float, groove: float) -> Array:
+    away = np.abs(at[..., None] - _grooves(length, chamfer, pitch)).min(axis=-1)
     return (away <= groove / 2 + 1e-6).astype(np.float64)
 
 

@@ -10,7 +10,7 @@ from scipy.special import chdtrc
 
 from .columns import Face, FoundJoint, horizontal_joints, trace_face
 from .field import column_field, face_profile
-from .measure import ColumnPoints, measure_joints, pair_joints, section_of
+from .measure import ColumnPoints, joint_sections, measure_joints, pair_joints
 from .result import Column, DisplacementField, JointDisplacement, State
 from .wall import Wall, WallPoints
 
@@ -131,9 +131,9 @@ def _joints(draft: Draft, epochs: list[ColumnPoints], registration_sigma: float)
     number, frame, found = draft.number, draft.frame, draft.joints
     middle = 0.5 * (draft.bounds[0] + draft.bounds[1])
     pairs = pair_joints(found[0], found[1])
-    moves = measure_joints([
-        section_of(epochs[0], epochs[1], found[0][i], found[1][k], _room(found, epochs, i, k)) for i, k in pairs
-    ])
+    moves = measure_joints(joint_sections(
+        epochs[0], epochs[1], [(found[0][i], found[1][k], _room(found, epochs, i, k)) for i, k in pairs]
+    ))
     joints = []
     for (i, k), move in zip(pairs, moves, strict=True):
         first, second = found[0][i], found[1][k]

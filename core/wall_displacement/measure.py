@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from .columns import Face, FoundJoint
-from .edges import LEAST_NOISE_M, Edge, Flank, Samples, choose_flank, fit_edge
+from .edges import LEAST_NOISE_M, Edge, Flanks, Samples, choose_flank, fit_edges
 from .epoch import spread_rows
+from .face_lines import FaceLine, FacePart, fit_faces
 
 Array = NDArray[np.float64]
 LARGEST_MOVE_M = 0.25
@@ -23,7 +23,7 @@ EDGE_RANGE_M = (-0.1, 0.04)
 BEYOND_M = 0.15
 """A ray that crosses the face near a joint may come back from so much higher or lower."""
 MOST_NEAR_EDGE = 40_000
-TUKEY = 4.685
+MOST_RELIEF = 0.8
 NOT_DETERMINED_M = 0.02
 """A joint's height that is less certain than this is not stated."""
 
@@ -37,19 +37,6 @@ class ColumnPoints:
     returns: Array
     station: Array
     """(M, 3) where each return was measured from; NaN: not known."""
-
-
-@dataclass(frozen=True)
-class FaceLine:
-    """y = at + slope (z - about), and the standard deviation at ``about``."""
-
-    at: float
-    slope: float
-    about: float
-    sigma: float
-
-    def depth(self, z: float | Array) -> float | Array:
-        return self.at + self.slope * (z - self.about)
 
 
 @dataclass(frozen=True)
@@ -103,42 +90,53 @@ class JointSection:
     """By edge, then by epoch."""
 
 
-def section_of(
-    base: ColumnPoints, later: ColumnPoints, first: FoundJoint, second: FoundJoint, room: tuple[float, float]
-) -> JointSection:
-    """What both epochs show of a joint; ``room`` [m]: free height below and above it to the next joints."""
-    lines, lower, upper = [], [], []
-    for epoch, joint in ((base, first), (later, second)):
-        below = fit_face(epoch, joint.height - min(FAR_FACE_M, room[0]), joint.height - NEAR_FACE_M, joint.height)
-        above = fit_face(epoch, joint.height + NEAR_FACE_M, joint.height + min(FAR_FACE_M, room[1]), joint.height)
-        lines.append((below, above))
+def joint_sections(
+    base: ColumnPoints, later: ColumnPoints, pairs: Sequence[tuple[FoundJoint, FoundJoint, tuple[float, float]]]
+) -> list[JointSection]:
+    """What both epochs show of the paired joints of a column.
+
+    A pair is a joint of each epoch and the free height [m] below and above it, to the next joints.
+    """
+    epochs = (base, later)
+    parts = []
+    for first, second, room in pairs:
+        for epoch, joint in zip(epochs, (first, second), strict=True):
+            parts.append(face_part(epoch, joint.height - min(FAR_FACE_M, room[0]), joint.height - NEAR_FACE_M, joint.height))
+            parts.append(face_part(epoch, joint.height + NEAR_FACE_M, joint.height + min(FAR_FACE_M, room[1]), joint.height))
+    found = iter(fit_faces(parts, max(base.face.noise, later.face.noise)))
+    sections = []
+    for first, second, room in pairs:
+        lines, lower, upper = [], [], []
         reach = min(EDGE_REACH_M, 0.4 * min(room))
-        lower.append(edge_samples(epoch, below, joint.height, reach, rising=True))
-        upper.append(edge_samples(epoch, above, joint.height, reach, rising=False))
-    return JointSection((first, second), tuple(lines), ((lower[0], lower[1]), (upper[0], upper[1])))
+        for epoch, joint in zip(epochs, (first, second), strict=True):
+            below, above = next(found), next(found)
+            lines.append((below, above))
+            lower.append(edge_samples(epoch, below, joint.height, reach, rising=True))
+            upper.append(edge_samples(epoch, above, joint.height, reach, rising=False))
+        sections.append(JointSection((first, second), tuple(lines), ((lower[0], lower[1]), (upper[0], upper[1]))))
+    return sections
 
 
 def measure_joints(sections: Sequence[JointSection]) -> list[Movement]:
     """Movements of the joints of one column, whose edges are alike."""
     seen = [s for section in sections for pair in section.samples if None not in pair for s in pair if s is not None]
-    flank = choose_flank(seen, *EDGE_RANGE_M)
-    return [_measured(section, flank) for section in sections]
-
-
-def _measured(section: JointSection, flank: Flank) -> Movement:
-    first, second = section.joints
-    edges: list[list[Edge] | None] = []
-    for (base, later), sign in zip(section.samples, (1.0, -1.0), strict=True):
-        if base is None or later is None:
-            edges.append(None)
-            continue
-        found = [fit_edge(s, flank, *EDGE_RANGE_M) for s in (base, later)]
-        edges.append([Edge(j.height + sign * e.at, e.sigma) for j, e in zip((first, second), found, strict=True)])
-    return _movement(section.lines, edges, first, second)
+    flanks = choose_flank(seen, *EDGE_RANGE_M)
+    wanted = [(k, side) for k, section in enumerate(sections) for side in (0, 1) if None not in section.samples[side]]
+    measured = [s for k, side in wanted for s in sections[k].samples[side] if s is not None]
+    fitted = iter(fit_edges(measured, flanks, *EDGE_RANGE_M))
+    edges: list[list[list[Edge] | None]] = [[None, None] for _ in sections]
+    for k, side in wanted:
+        sign = 1.0 if side == 0 else -1.0
+        edges[k][side] = [
+            Edge(joint.height + sign * edge.at, edge.sigma, joint.height + sign * edge.others)
+            for joint, edge in zip(sections[k].joints, (next(fitted), next(fitted)), strict=True)
+        ]
+    return [_movement(s.lines, e, flanks, *s.joints) for s, e in zip(sections, edges, strict=True)]
 
 
 def _movement(
-    lines: Sequence[Sequence[FaceLine | None]], edges: list[list[Edge] | None], first: FoundJoint, second: FoundJoint
+    lines: Sequence[Sequence[FaceLine | None]], edges: list[list[Edge] | None], flanks: Flanks,
+    first: FoundJoint, second: FoundJoint,
 ) -> Movement:
     shifts = [(e[1].at - e[0].at, float(np.hypot(e[0].sigma, e[1].sigma))) for e in edges if e is not None]
     vertical = sigma = opening = None
@@ -147,7 +145,10 @@ def _movement(
         even = len(shifts) == 2 and max(s for _, s in shifts) < 2.5 * min(s for _, s in shifts) + 5e-4
         share = np.full(2, 0.5) if even else weight / weight.sum()
         vertical = float(np.dot(share, [d for d, _ in shifts]))
-        sigma = float(np.sqrt(np.dot(share**2, [s**2 for _, s in shifts])))
+        # the flank is common to all edges: what another one would give for the whole movement
+        others = np.dot(share, [e[1].others - e[0].others for e in edges if e is not None])
+        by_flank = float(np.dot(flanks.probability[1:], (others - vertical) ** 2))
+        sigma = float(np.sqrt(np.dot(share**2, [s**2 for _, s in shifts]) + by_flank))
         if sigma > NOT_DETERMINED_M:
             vertical = sigma = None
     if len(shifts) == 2:
@@ -167,44 +168,11 @@ def _movement(
     return Movement(middles[0], vertical, sigma, lateral, lateral_sigma, opening)
 
 
-def fit_face(epoch: ColumnPoints, low: float, high: float, about: float) -> FaceLine | None:
-    """Robust line through the face's points between two heights, as depth at ``about``."""
+def face_part(epoch: ColumnPoints, low: float, high: float, about: float) -> FacePart:
+    """The face's points between two heights."""
     inside = (epoch.points[:, 2] > low) & (epoch.points[:, 2] < high) & (np.abs(epoch.face.residual) < 0.05)
-    y, z = epoch.points[inside, 1], epoch.points[inside, 2] - about
-    if len(y) < 8 or np.ptp(z) < 0.05:
-        return None
-    weight = (epoch.face.residual[inside] > -epoch.face.threshold).astype(np.float64) + 1e-9
-    at, slope, variance = _robust_line(y, z, weight, TUKEY * max(epoch.face.noise, 0.0007))
-    if not np.isfinite(variance):
-        return None
-    # neighbouring points share the surface's unevenness: about one free value per 5 cm square
-    area = np.ptp(z) * np.ptp(epoch.points[inside, 0])
-    alike = max(len(y) / max(area / 0.0025, 1.0), 1.0)
-    return FaceLine(at, slope, about, float(np.sqrt(variance * min(alike, 25.0))))
-
-
-@njit(cache=True, nogil=True)
-def _robust_line(y, z, weight, scale):  # type: ignore[no-untyped-def]
-    """y = a + b z by Tukey's biweight of the given scale, from a wide one down: a, b, variance of a (NaN: too few points)."""
-    a, b, variance = 0.0, 0.0, np.nan
-    for turn in range(13):
-        n, sz, szz, sy, szy, left = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for i in range(y.size):
-            w = weight[i]
-            if turn > 0:
-                wide = scale * (3.0 if turn < 4 else 1.5 if turn < 7 else 1.0)
-                r = (y[i] - a - b * z[i]) / wide
-                w = (1.0 - r * r) ** 2 if abs(r) < 1.0 else 0.0
-                left += w * (r * wide) ** 2
-            n, sz, szz = n + w, sz + w * z[i], szz + w * z[i] * z[i]
-            sy, szy = sy + w * y[i], szy + w * z[i] * y[i]
-        det = n * szz - sz * sz
-        if n < 8.0 or det <= 1e-9 * n * n:
-            return a, b, np.nan
-        variance = left / max(n - 2.0, 1.0) * szz / det
-        if turn < 12:
-            a, b = (szz * sy - sz * szy) / det, (n * szy - sz * sy) / det
-    return a, b, variance
+    x, y, z = epoch.points[inside].T
+    return FacePart(x, y, z, about)
 
 
 def edge_samples(
@@ -218,8 +186,9 @@ def edge_samples(
     p, s = epoch.returns[near], epoch.station[near]
     ray = p - s
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = (line.at + line.slope * (s[:, 2] - about) - s[:, 1]) / (ray[:, 1] - line.slope * ray[:, 2])
-        climb = -ray[:, 2] / ray[:, 1]
+        toward = ray[:, 1] - line.slope * ray[:, 2]
+        share = (line.at + line.slope * (s[:, 2] - about) - s[:, 1]) / toward
+        climb = -ray[:, 2] / toward
     v = np.where(np.isfinite(share), s[:, 2] + share * ray[:, 2], p[:, 2]) - about
     x, depth = p[:, 0], np.asarray(line.depth(p[:, 2])) - p[:, 1]
     deep = max(epoch.face.threshold, 0.004)
@@ -233,10 +202,12 @@ def edge_samples(
     own = side & (sign * v < middle + 1e-9)
     if not (recessed & own).any():
         return None
-    face = np.abs(depth[own & (sign * v < -NEAR_FACE_M)])
-    noise = max(float(np.median(face)) / np.log(2.0) if len(face) else epoch.face.noise, LEAST_NOISE_M)
-    rough = float(np.clip(np.mean(face > 5.0 * noise), 0.0, 0.5)) if len(face) else 0.0
+    # relief lies behind the front, so what is before it says how much single returns scatter
+    face = depth[own & (sign * v < -NEAR_FACE_M)]
+    before = -face[face < 0]
+    noise = max(float(np.median(before)) / np.log(2.0) if len(before) else epoch.face.noise, LEAST_NOISE_M)
+    rough = float(np.clip(np.mean(face > 5.0 * noise), 0.0, MOST_RELIEF)) if len(face) else 0.0
     known = climb[own][np.isfinite(climb[own])]
     rise = sign * float(np.median(known)) if len(known) else 0.0
     deepest = float(np.quantile(depth[own], 0.98))
-    return Samples(sign * v[own], depth[own], x[own], rise, noise, deep, rough, deepest)
+    return Samples(sign * v[own], depth[own], x[own], rise, sign * line.slope, noise, deep, rough, deepest, line.sigma)

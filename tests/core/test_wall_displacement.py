@@ -7,6 +7,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import ifcopenshell
 import ifcopenshell.util.element
@@ -18,12 +19,22 @@ from bim_verify.core.jobs.displacement import DisplacementOptions, displacement
 from bim_verify.core.scans.campaign import ReturnBlock, Station
 from bim_verify.core.scans.write_e57 import write_e57
 from bim_verify.core.simulation.box_building import ArraySource
-from bim_verify.core.simulation.panel_wall import PanelMove, WallDesign, build_wall, joint_shift, leaning, uniform
+from bim_verify.core.simulation.panel_wall import (
+    COURSE_DEPTH_M,
+    RIDGE_DEPTH_M,
+    PanelMove,
+    WallDesign,
+    build_wall,
+    joint_shift,
+    leaning,
+    uniform,
+)
 from bim_verify.core.simulation.scanner import PRESETS
 from bim_verify.core.simulation.scene import Scene
 from bim_verify.core.simulation.wall_scan import scan_window
-from bim_verify.core.wall_displacement.edges import Samples, choose_flank, fit_edge
+from bim_verify.core.wall_displacement.edges import PROFILE_STEP_M, Samples, choose_flank, fit_edges, flank_profile
 from bim_verify.core.wall_displacement.epoch import spread_rows
+from bim_verify.core.wall_displacement.face_lines import FacePart, fit_faces
 from bim_verify.core.wall_displacement.result import Column, DisplacementResult, JointDisplacement
 from bim_verify.core.wall_displacement.tables import column_moved
 
@@ -171,9 +182,12 @@ def test_a_joint_between_the_scan_lines_of_one_epoch_still_parts_the_columns() -
     coarse = replace(SCANNER, angular_step=float(np.radians(0.12)))
     place = np.array([15.0, 26.0, 1.75])
 
+    plain = replace(DESIGN, relief="plain")
+
     def seen(moves: Moves, seed: int) -> ArraySource:
         low, high = np.array([-1.1, 0.0, 0.0]), np.array([1.1, 0.0, 6.1])
-        return ArraySource((Station("S", place),), (scan_window(wall(moves), place, low, high, coarse, seed=seed),))
+        scene = build_wall(plain, dict.fromkeys(range(plain.columns), moves))
+        return ArraySource((Station("S", place),), (scan_window(scene, place, low, high, coarse, seed=seed),))
 
     moves = uniform(DESIGN, lateral=0.1)
     base = seen(STILL, 1)
@@ -213,24 +227,64 @@ def flank_samples(edge: float, count: int, random: np.random.Generator) -> Sampl
     gap = v > edge + 0.02
     depth[gap] = random.uniform(0.02, 0.14, gap.sum())
     noisy = depth + random.normal(0.0, 0.001, count)
-    return Samples(v, noisy, random.random(count), 0.0, 0.001, 0.011, 0.3, 0.14)
+    return Samples(v, noisy, random.random(count), 0.0, 0.0, 0.001, 0.011, 0.3, 0.14)
 
 
 @pytest.mark.parametrize("count", [25, 400])
 def test_few_returns_fix_the_edge_of_a_joint_and_sigma_says_how_well_it_moved(count: int) -> None:
     random = np.random.default_rng(1)
-    places = [0.001 * (k % 7) - 0.02 for k in range(40)]
+    places = [0.001 * (k % 7) - 0.02 for k in range(160)]
     samples = [flank_samples(edge, count, random) for edge in places]
-    flank = choose_flank(samples, -0.08, 0.04)
-    assert flank.slope == pytest.approx(1.0, abs=0.26)
-    assert flank.depth == pytest.approx(0.02, abs=0.004)
-    edges = [fit_edge(s, flank, -0.08, 0.04) for s in samples]
+    flanks = choose_flank(samples[:40], -0.08, 0.04)
+    assert flanks.best.slope == pytest.approx(1.0, abs=0.26)
+    assert flanks.best.depth == pytest.approx(0.02, abs=0.004)
+    assert flanks.probability.sum() == pytest.approx(1.0)
+    edges = fit_edges(samples, flanks, -0.08, 0.04)
     assert np.abs(np.array([e.at for e in edges]) - places).max() < 0.003
     # a movement is the difference of two edges, of which what they have in common drops out
     moved = np.diff([e.at for e in edges])[::2] - np.diff(places)[::2]
     sigma = np.hypot([e.sigma for e in edges[::2]], [e.sigma for e in edges[1::2]])
     assert np.sqrt(np.mean(moved**2)) < 0.03 / count + 0.0004
-    assert np.mean(np.abs(moved) < 1.96 * sigma) > 0.85
+    assert np.mean(np.abs(moved) < 1.96 * sigma) > 0.88
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.65])
+def test_grooves_over_half_of_the_face_leave_its_movement_certain(share: float) -> None:
+    random = np.random.default_rng(2)
+    shifts = np.array([0.0, 0.003, -0.002, 0.008] * 3)
+    parts = []
+    for shift in shifts:
+        x, z = random.uniform(0, 1.4, 400), random.uniform(0.06, 0.7, 400)
+        y = shift + 0.02 * z - 0.008 * (x / 0.14 % 1.0 < share) + random.normal(0.0, 0.001, 400)
+        parts.append(FacePart(x, y, z, 0.0))
+    lines = fit_faces(parts, 0.001)
+    assert all(line is not None for line in lines)
+    at = np.array([line.at for line in lines if line is not None])
+    sigma = np.array([line.sigma for line in lines if line is not None])
+    error = at - shifts - np.mean(at - shifts)
+    assert np.abs(error).max() < 0.0005
+    assert np.mean(np.abs(error) < 1.96 * sigma) > 0.8
+    # the front of the relief is the zero of all
+    assert np.mean(at - shifts) == pytest.approx(0.0, abs=0.0006)
+
+
+def test_a_beam_on_a_corner_reports_a_depth_between() -> None:
+    sharp = flank_profile(0.0, 0.01, 0.005, 0.0, 0.14)
+    assert np.all(np.diff(sharp) >= 0)
+    assert sharp[len(sharp) // 2] == pytest.approx(0.07, abs=0.02)
+    # the side of a panel that rays graze sends back little: the beam reports the face for longer
+    seen = flank_profile(0.0, 0.01, 0.005, -0.05, 0.14)
+    assert seen[len(seen) // 2] < 0.5 * sharp[len(sharp) // 2]
+    chamfer = flank_profile(1.0, 0.02, 0.0, 0.0, 0.14)
+    assert chamfer[10] == pytest.approx(10 * PROFILE_STEP_M)
+
+
+@pytest.mark.parametrize("relief", ["ridges", "bricks"])
+def test_the_simulated_face_has_its_relief(relief: Literal["ridges", "bricks"]) -> None:
+    deep = {"ridges": RIDGE_DEPTH_M, "bricks": COURSE_DEPTH_M}[relief]
+    for chamfer in (0.0, 0.02):
+        y = build_wall(WallDesign(relief=relief, chamfer=chamfer), surroundings=False).corners[..., 1]
+        assert np.isclose(y, -deep).sum() > 100
 
 
 def test_thinning_has_no_period_and_takes_what_was_asked() -> None:
