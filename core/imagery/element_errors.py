@@ -29,12 +29,13 @@ LEAST_DEPTH_M = 1e-3
 
 def estimate_with_elements(
     matches: LineMatches, bearers: EdgeBearers, start: Camera, model_sigma: float, *, prior: PosePrior, at: Camera,
-    focal: bool = False,
+    focal: bool = False, mistaken_px: float = 0.0,
 ) -> PoseEstimate:
     """The pose near ``start``; ``bearers`` say which matches share an error, ``at`` is the coarse pose.
 
-    The edges' covariances in ``matches`` are not used: ``model_sigma`` [m] per axis stands for them. Raises BimVerifyError
-    when it does not settle.
+    The edges' covariances in ``matches`` are not used: ``model_sigma`` [m] per axis stands for them. ``mistaken_px`` is the
+    root mean square of what wrong matches that no test shows put a line off; it counts in the covariance and not in the
+    weights. Raises BimVerifyError when it does not settle.
     """
     camera = start
     information = np.diag([prior.rotation_sigma**-2] * 3 + [prior.position_sigma**-2] * 3 + [0.0] * int(focal))
@@ -59,6 +60,9 @@ def estimate_with_elements(
     blocks = own.reshape(len(matches), 2, len(matches), 2)[rows, :, rows, :]
     pairs = value.reshape(-1, 2)
     test = np.einsum("nk,nkl,nl->n", pairs, np.linalg.pinv(blocks, hermitian=True), pairs)
+    gain = covariance @ np.linalg.solve(cov, design).T
+    ends = gain[:, 0::2] + gain[:, 1::2]
+    covariance = covariance + mistaken_px**2 / max(factor, 1.0) * ends @ ends.T
     spread = float(np.sqrt(covariance[6, 6])) * camera.interior.fx if focal else None
     return PoseEstimate(camera, covariance[:6, :6], factor, redundancy, test, spread)
 

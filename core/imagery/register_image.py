@@ -40,14 +40,19 @@ SAME_POSE_M, SAME_POSE_RAD = 0.03, math.radians(0.5)
 TEST = 13.8
 """Chi-square of two degrees at 99.9 %: matches beyond it, scaled by the variance factor, are taken out."""
 MOST_OUT = 0.5
+MISTAKEN = 0.1
+"""Share of the matches that are wrong and pass their tests: lines of something else within the tolerance, as found in photos of
+two buildings whose truth is known."""
 LOOKS = 2
 FARTHEST = 35.0
 """Chi-square of six degrees that is never reached: a pose beyond it contradicts the coarse one."""
 AMBIGUOUS = 0.93
 """A different pose that explains this share of what the best one does makes the result ambiguous."""
-CHANCE_POSES, MOST_BY_CHANCE = 16, 0.67
+LEAST_SURE = 7
+"""Lines: fewer lie on edges by chance too often."""
+CHANCE_POSES, CHANCE_EDGES, MOST_BY_CHANCE = 64, 60, 0.8
 """So many poses are drawn from the coarse sigma and pulled onto the lines; if one of them explains this share of what the best
-does, so many lines may lie on edges by chance."""
+does of the longest edges, so many lines may lie on edges by chance."""
 
 
 @dataclass(frozen=True)
@@ -145,9 +150,12 @@ def register_image(
             "from the coarse pose, which its sigma does not allow; check the coarse pose and its sigma."
         ))
     weak = weak_directions(estimate, PosePrior(coarse.rotation_sigma, coarse.position_sigma))
-    chance = _by_chance(after, lines, known, coarse, model_sigma, seed) / explained
+    chance = _by_chance(after, lines, known, estimate.covariance, coarse, model_sigma, seed)
     note = ""
-    if runner_up > AMBIGUOUS:
+    if sum(m.kept for m in matches) < LEAST_SURE:
+        chance = 1.0
+        note = f"Only {sum(m.kept for m in matches)} lines lie on edges, which may be by chance; check the overlay."
+    elif runner_up > AMBIGUOUS:
         note = "Another pose explains the lines nearly as well; check the overlay."
     elif chance > MOST_BY_CHANCE:
         note = "A pose by chance explains the lines nearly as well; a sharper image or a better coarse pose may help."
@@ -155,17 +163,28 @@ def register_image(
 
 
 def _by_chance(
-    edges: VisibleEdges, lines: ImageLines, found: KnownCamera, coarse: KnownCamera, model_sigma: float, seed: int
+    edges: VisibleEdges, lines: ImageLines, found: KnownCamera, covariance: Vector, coarse: KnownCamera, model_sigma: float,
+    seed: int,
 ) -> float:
-    """The most that poses drawn around the ``found`` one from the coarse sigma explain; one that comes back to it does not count."""
+    """The most that poses explain which are drawn around the ``found`` one and are not the same, as a share of what it does.
+
+    Those are the same that come back to it, or differ by what its ``covariance`` (6, 6) leaves open.
+    """
+    edges = edges.rows(np.argsort(-edges.length_px, kind="stable")[:CHANCE_EDGES])
+    best = match_lines(edges, lines, found, model_sigma)
+    if best is None:
+        return 1.0
     rng = np.random.default_rng((seed, 31))
     most = 0.0
     for _ in range(CHANCE_POSES):
         camera = found.camera.moved(rng.normal(0, coarse.rotation_sigma, 3), rng.normal(0, coarse.position_sigma, 3))
         matched = match_lines(edges, lines, replace(coarse, camera=camera), model_sigma)
-        if matched is not None and not _same(matched[0].camera, found.camera):
+        if matched is None or _same(matched[0].camera, found.camera):
+            continue
+        away = pose_difference(matched[0].camera, found.camera)
+        if away @ np.linalg.solve(covariance, away) > FARTHEST:
             most = max(most, matched[2])
-    return most
+    return most / best[2]
 
 
 def _reach(coarse: KnownCamera, depth: float = 2.0) -> float:
@@ -302,6 +321,7 @@ def _estimate(
     return estimate_with_elements(
         matches.rows(kept), bearers.rows(kept), known, model_sigma, focal=focal, at=coarse.camera,
         prior=PosePrior(coarse.rotation_sigma, coarse.position_sigma),
+        mistaken_px=math.sqrt(MISTAKEN / 3.0) * SEARCH_WIDTH * known.interior.width,
     )
 
 

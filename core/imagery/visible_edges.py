@@ -41,6 +41,12 @@ class VisibleEdges:
     def __len__(self) -> int:
         return len(self.start)
 
+    def rows(self, chosen: NDArray[np.int64]) -> VisibleEdges:
+        """Only the chosen parts."""
+        return VisibleEdges(
+            self.start[chosen], self.end[chosen], self.bearers.rows(chosen), self.line[chosen], self.pixel[chosen]
+        )
+
     @property
     def length_px(self) -> Vector:
         """(N,)"""
