@@ -48,7 +48,7 @@ Array = NDArray[np.float64]
 LOA, LENGTH_M, LINE_PX = 40, 30.0, 0.3
 EVERY = 10
 COARSE_M, COARSE_DEG = 0.15, 1.0
-RING_M, WIDE_M = 14.4, 2.4
+RING_M, WIDE_M, CORNER_M = 14.4, 2.4, 1.0
 
 
 def main() -> None:
@@ -123,7 +123,7 @@ def run(images: int, seed: int) -> dict[str, tuple[Array, Array, Array]]:
 
 def run_loop(images: int, seed: int) -> dict[str, tuple[Array, Array, Array]]:
     """As ``run``, around the core."""
-    built = Series(ring_model(), walk_around(RING_M - WIDE_M, images), seed)
+    built = Series(ring_model(), walk_around(RING_M - WIDE_M, images, CORNER_M), seed)
     return {
         f"{'closed' if closed else 'open'}, {'lines in every tenth image' if lines else 'control at the start'}":
         built.adjust(closed=closed, lines=lines) for closed in (False, True) for lines in (False, True)
@@ -150,7 +150,8 @@ class Series:
         problem, points = photograph_block(
             self.scene, self.truth, 70, self.seed, control=0, track=3, closed=closed, free=()
         )
-        near = np.argsort(np.linalg.norm(points - self.truth[0].position, axis=1), kind="stable")
+        seen = problem.observed.point[problem.observed.camera == 0]
+        near = seen[np.argsort(np.linalg.norm(points[seen] - self.truth[0].position, axis=1), kind="stable")]
         known = near[:: max(len(near) // 60, 1)][:6]
         rng = np.random.default_rng((self.seed, 42))
         control = Control(known, points[known] + rng.normal(0, 0.002, (6, 3)), np.full((6, 3), 0.002))

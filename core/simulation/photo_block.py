@@ -119,8 +119,8 @@ def walk(length: float, images: int, lens: Interior = LENS) -> tuple[Camera, ...
     return tuple(found)
 
 
-def walk_around(side: float, images: int, lens: Interior = LENS, *, corner: float = 0.8) -> tuple[Camera, ...]:
-    """A series of photos, looking ahead, once around a square of ``side`` [m] whose corners are rounded."""
+def walk_around(side: float, images: int, corner: float, lens: Interior = LENS) -> tuple[Camera, ...]:
+    """A series of photos, looking ahead, once around a square of ``side`` [m], ``corner`` [m] its corners' radius."""
     straight, arc = side - 2.0 * corner, 0.5 * math.pi * corner
     found = []
     for k in range(images):
