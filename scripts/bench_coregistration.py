@@ -32,6 +32,7 @@ from bim_verify.core.imagery.camera import (  # noqa: E402
 )
 from bim_verify.core.imagery.cameras_file import KnownCamera  # noqa: E402
 from bim_verify.core.imagery.detect_lines import ImageLines  # noqa: E402
+from bim_verify.core.imagery.edge_bearers import free_edges  # noqa: E402
 from bim_verify.core.imagery.line_pose import (  # noqa: E402
     PoseEstimate,
     estimate_calibrated,
@@ -289,7 +290,7 @@ def place(
     )
     index = np.arange(len(length))
     pixel = np.column_stack([at.camera.project(model[0]), at.camera.project(model[1])])
-    visible = VisibleEdges(model[0], model[1], index, index, pixel)
+    visible = VisibleEdges(model[0], model[1], free_edges(index), index, pixel)
     found = search_pose(visible, lines, at, sigma, 200.0, seed)
     if found is None:
         return None

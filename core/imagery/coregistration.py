@@ -15,13 +15,13 @@ from .camera import Camera
 from .cameras_file import FORMAT, FORMAT_VERSION, camera_to_plain
 from .detect_lines import Detector
 from .line_pose import pose_difference
-from .register_image import AMBIGUOUS, ImageRegistration
+from .register_image import AMBIGUOUS, MOST_BY_CHANCE, ImageRegistration
 
 State = Literal["REFINED", "PARTLY", "AMBIGUOUS", "FAILED"]
 MEANINGS: dict[str, str] = {
     "REFINED": "the lines fix all six parameters of the pose",
     "PARTLY": "the lines leave a direction of the pose as it was; it is named",
-    "AMBIGUOUS": "two different poses explain the lines; the coarse one is kept",
+    "AMBIGUOUS": "different poses explain the lines; the coarse one is kept",
     "FAILED": "no pose could be determined; the coarse one is kept",
 }
 
@@ -62,7 +62,7 @@ def state_of(found: ImageRegistration) -> State:
     """What became of one image."""
     if found.estimate is None:
         return "FAILED"
-    if found.runner_up > AMBIGUOUS:
+    if found.runner_up > AMBIGUOUS or found.chance > MOST_BY_CHANCE:
         return "AMBIGUOUS"
     return "PARTLY" if found.weak else "REFINED"
 
@@ -98,6 +98,7 @@ def refined_cameras(result: CoregistrationResult) -> dict[str, Any]:
             "lines_used": sum(m.kept for m in found.matches),
             "explained": found.explained,
             "runner_up": found.runner_up,
+            "chance": found.chance,
             "undetermined": [w.text for w in found.weak],
             "note": found.note,
         }

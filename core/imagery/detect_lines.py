@@ -26,7 +26,7 @@ HALF_WIDTH_PX = 3.0
 """How far from the detector's segment its edge is looked for."""
 STEP_PX = 0.5
 LEAST_SUPPORT = 12
-SYSTEMATIC_PX = 0.05
+SYSTEMATIC_PX = 0.2
 """What no residual shows: light, gamma and the rest of the lens move a whole edge by about this much."""
 OUTLIER = 3.0
 CANNY_LOW, CANNY_HIGH = 50.0, 150.0
@@ -58,10 +58,13 @@ class ImageLines:
         """(N,) pixels."""
         return np.asarray(np.linalg.norm(self.end - self.start, axis=1))
 
-    @property
-    def homogeneous(self) -> tuple[Vector, Vector]:
-        """Lines (N, 3) with a^2 + b^2 = 1, and their covariances (N, 3, 3)."""
-        return line_with_covariance(self.start, self.end, self.offset_sigma, self.angle_sigma)
+    def uncertain(self, rows: NDArray[np.int64], apart: Vector) -> tuple[Vector, Vector]:
+        """Lines (R, 3) with a^2 + b^2 = 1, and their covariances (R, 3, 3); ``apart`` (R,) [px] is what each may lie off, as a
+        whole and at its ends, on top of its own sigmas."""
+        return line_with_covariance(
+            self.start[rows], self.end[rows], np.hypot(self.offset_sigma[rows], apart),
+            np.hypot(self.angle_sigma[rows], np.sqrt(2.0) * apart / self.length[rows]),
+        )
 
 
 def line_with_covariance(start: Vector, end: Vector, offset_sigma: Vector, angle_sigma: Vector) -> tuple[Vector, Vector]:

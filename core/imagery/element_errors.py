@@ -1,8 +1,8 @@
 """A pose from lines whose edges share the errors of their elements.
 
 A wall that stands 3 mm off takes all of its edges with it, so twenty edges of one element are no twenty independent
-observations. The model edge's variance is split into a part of its own and one that all edges of its element share; the
-contradictions of the Gauss-Helmert model then have a full covariance matrix, and the pose follows by generalised least squares.
+observations. All edges that an element bears share its displacement, and each has a part of its own on top; the contradictions
+of the Gauss-Helmert model then have a full covariance matrix, and the pose follows by generalised least squares.
 """
 
 from __future__ import annotations
@@ -14,30 +14,33 @@ from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
 from .camera import Camera, rotation_vector
+from .edge_bearers import EdgeBearers, element_design
 from .line_pose import PoseEstimate, PosePrior
 from .uncertain_lines import LineMatches, homogeneous
 
 Vector = NDArray[np.float64]
-SHARED = 0.8
-"""Share of a model edge's variance that its whole element has: mostly an element stands off, less so are its edges bent."""
+OWN = 0.2
+"""Variance of an edge for itself, on top of its elements', as a share of theirs: mostly an element stands off, less so are its
+edges bent. How the two divide is not known beforehand; all of the level's variance is taken as shared, the part that does not
+average out."""
 MOST_ROUNDS = 20
 LEAST_DEPTH_M = 1e-3
 
 
 def estimate_with_elements(
-    matches: LineMatches, element: NDArray[np.int64], start: Camera, model_sigma: float, *, prior: PosePrior, at: Camera,
-    focal: bool = False,
+    matches: LineMatches, bearers: EdgeBearers, start: Camera, model_sigma: float, *, prior: PosePrior, at: Camera,
+    focal: bool = False, mistaken_px: float = 0.0,
 ) -> PoseEstimate:
-    """The pose near ``start``; ``element`` (N,) says which matches share an error, ``at`` is the coarse pose.
+    """The pose near ``start``; ``bearers`` say which matches share an error, ``at`` is the coarse pose.
 
-    The edges' covariances in ``matches`` are not used: ``model_sigma`` [m] per axis stands for them. Raises BimVerifyError
-    when it does not settle.
+    The edges' covariances in ``matches`` are not used: ``model_sigma`` [m] per axis stands for them. ``mistaken_px`` is the
+    root mean square of what wrong matches that no test shows put a line off; it counts in the covariance and not in the
+    weights. Raises BimVerifyError when it does not settle.
     """
     camera = start
-    same = element[:, None] == element[None, :]
     information = np.diag([prior.rotation_sigma**-2] * 3 + [prior.position_sigma**-2] * 3 + [0.0] * int(focal))
     for _ in range(MOST_ROUNDS):
-        value, design, cov = _contradictions(matches, camera, same, model_sigma, focal)
+        value, design, cov = _contradictions(matches, camera, bearers, model_sigma, focal)
         weighted = np.linalg.solve(cov, np.column_stack([design, value]))
         away = np.concatenate([
             rotation_vector(at.rotation @ camera.rotation.T), at.position - camera.position, np.zeros(int(focal)),
@@ -49,7 +52,7 @@ def estimate_with_elements(
             break
     else:
         raise BimVerifyError(f"{start.name}: the pose does not settle; check the coarse pose and the matched lines.")
-    value, design, cov = _contradictions(matches, camera, same, model_sigma, focal)
+    value, design, cov = _contradictions(matches, camera, bearers, model_sigma, focal)
     redundancy = len(value) - design.shape[1]
     factor = float(value @ np.linalg.solve(cov, value)) / max(redundancy, 1)
     own = cov - design @ covariance @ design.T
@@ -57,6 +60,9 @@ def estimate_with_elements(
     blocks = own.reshape(len(matches), 2, len(matches), 2)[rows, :, rows, :]
     pairs = value.reshape(-1, 2)
     test = np.einsum("nk,nkl,nl->n", pairs, np.linalg.pinv(blocks, hermitian=True), pairs)
+    gain = covariance @ np.linalg.solve(cov, design).T
+    ends = gain[:, 0::2] + gain[:, 1::2]
+    covariance = covariance + mistaken_px**2 / max(factor, 1.0) * ends @ ends.T
     spread = float(np.sqrt(covariance[6, 6])) * camera.interior.fx if focal else None
     return PoseEstimate(camera, covariance[:6, :6], factor, redundancy, test, spread)
 
@@ -70,20 +76,21 @@ def _moved(camera: Camera, step: Vector) -> Camera:
 
 
 def _contradictions(
-    matches: LineMatches, camera: Camera, same: NDArray[np.bool_], model_sigma: float, focal: bool
+    matches: LineMatches, camera: Camera, bearers: EdgeBearers, model_sigma: float, focal: bool
 ) -> tuple[Vector, Vector, Vector]:
     """Distances (2N,) [px] of the projected ends from their lines, derivatives (2N, 6 or 7), covariance (2N, 2N)."""
     value, design, to_point, own = line_distances(matches, camera, model_sigma, focal)
-    return value, design, joint_covariance(to_point, own, same, model_sigma)
+    return value, design, joint_covariance(to_point, own, bearers, model_sigma)
 
 
-def joint_covariance(to_point: Vector, own: Vector, same: NDArray[np.bool_], model_sigma: float) -> Vector:
-    """(2N, 2N) of distances: what each match has of its ``own`` (N, 2, 2), and what those of the ``same`` (N, N) element share.
+def joint_covariance(to_point: Vector, own: Vector, bearers: EdgeBearers, model_sigma: float) -> Vector:
+    """(2N, 2N) of distances: what each match has of its ``own`` (N, 2, 2), and what the displacements of its bearers add.
 
     ``to_point`` (2N, 3) are the distances' derivatives with respect to the edge's ends.
     """
     count = len(own)
-    cov = SHARED * model_sigma**2 * np.where(same.repeat(2, axis=0).repeat(2, axis=1), to_point @ to_point.T, 0.0)
+    by_element = element_design(bearers, to_point)
+    cov = model_sigma**2 * by_element @ by_element.T
     blocks = cov.reshape(count, 2, count, 2)
     rows = np.arange(count)
     blocks[rows, :, rows, :] += own
@@ -113,6 +120,6 @@ def line_distances(
     design = np.column_stack(columns)
     at = homogeneous(pixel).reshape(count, 2, 3) / scale.reshape(count, 2, 1)
     image = at @ matches.line_cov @ at.transpose(0, 2, 1)
-    own = (1.0 - SHARED) * model_sigma**2 * np.einsum("ni,ni->n", to_point, to_point).reshape(count, 2)
+    own = OWN * model_sigma**2 * np.einsum("ni,ni->n", to_point, to_point).reshape(count, 2)
     image[:, [0, 1], [0, 1]] += own + 1e-6
     return value, design, to_point, image

@@ -14,6 +14,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from .bundle_kernels import POSE
 from .camera import Camera, rotation_vector
+from .edge_bearers import EdgeBearers, together
 from .element_errors import joint_covariance, line_distances
 from .uncertain_lines import LineMatches
 
@@ -26,8 +27,8 @@ class ImageEdges:
 
     camera: int
     matches: LineMatches
-    element: NDArray[np.int64]
-    """(N,) elements of the edges: those of one element share its error, in all images."""
+    bearers: EdgeBearers
+    """What an element bears shares its error, in all images."""
 
 
 class PosePriors:
@@ -65,10 +66,10 @@ class LineTerm:
     def __init__(self, images: Sequence[ImageEdges], model_sigma: float, placed: Sequence[Camera]) -> None:
         """``placed`` are the cameras of ``images``, as they were placed, in the frame of the block."""
         self.images, self._model_sigma = tuple(images), model_sigma
-        element = np.concatenate([i.element for i in images])
-        same = element[:, None] == element[None, :]
+        bearers = together([i.bearers for i in images])
         parts = [line_distances(i.matches, c, model_sigma, False) for i, c in zip(images, placed, strict=True)]
-        cov = joint_covariance(np.concatenate([p[2] for p in parts]), np.concatenate([p[3] for p in parts]), same, model_sigma)
+        to_point, own = (np.concatenate([p[k] for p in parts]) for k in (2, 3))
+        cov = joint_covariance(to_point, own, bearers, model_sigma)
         self._factor = cho_factor(cov, lower=True)
 
     def normals(self, cameras: Sequence[Camera]) -> tuple[Floats, Floats, float, int]:

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from ..model.elements import BuildingModel
 from ..model.raycast import RayScene
 from .camera import Camera
+from .edge_bearers import LEAST_TURN, EdgeBearers, meeting_of
 
 Vector = NDArray[np.float64]
 Ints = NDArray[np.int64]
 STEP_PX = 8.0
 SAME_NORMAL, SAME_OFFSET_M = 1e-3, 2e-3
-LEAST_TURN = math.radians(25.0)
 FEWEST = 5
 """Places on the grid that a line must be seen at."""
 GAP_PX = 3.5 * STEP_PX
@@ -39,8 +39,8 @@ class MeetingEdges:
         self._plane: Ints = plane.ravel()
         self._normal, self._offset = scene.normal[first], offset[first]
 
-    def look(self, camera: Camera, known: tuple[Vector, Vector], margin: float) -> tuple[Vector, Vector, Ints]:
-        """Both ends (N, 3) of lines that are not among the ``known`` edges' ends, and the element of one side (N,)."""
+    def look(self, camera: Camera, known: tuple[Vector, Vector], margin: float) -> tuple[Vector, Vector, EdgeBearers]:
+        """Both ends (N, 3) of lines that are not among the ``known`` edges' ends, and the elements that meet there."""
         plane, ray, reach, triangle, shape = self._grid(camera, margin)
         at = np.arange(len(plane)).reshape(shape)
         pairs = np.concatenate([
@@ -53,7 +53,7 @@ class MeetingEdges:
         use = np.abs(np.einsum("ni,ni->n", n1, n2)) < math.cos(LEAST_TURN)
         first, second, n1, n2 = first[use], second[use], n1[use], n2[use]
         if not len(first):
-            return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
+            return np.zeros((0, 3)), np.zeros((0, 3)), meeting_of(np.zeros((0, 2), np.int64), np.zeros((0, 2, 3)))
         across = np.cross(ray[first], ray[second])
         # the place common to both planes and to the plane of both rays
         system = np.stack([n1, n2, across], axis=1)
@@ -89,11 +89,11 @@ class MeetingEdges:
     def _lines(
         self, camera: Camera, plane: Ints, first: Ints, second: Ints, place: Vector, triangle: Ints,
         known: tuple[Vector, Vector],
-    ) -> tuple[Vector, Vector, Ints]:
+    ) -> tuple[Vector, Vector, EdgeBearers]:
         low, high = np.minimum(plane[first], plane[second]), np.maximum(plane[first], plane[second])
         pair, group = np.unique(np.column_stack([low, high]), axis=0, return_inverse=True)
         group = group.ravel()
-        starts, ends, elements = [], [], []
+        starts, ends, sides = [], [], []
         for k in np.flatnonzero(np.bincount(group, minlength=len(pair)) >= FEWEST):
             rows = np.flatnonzero(group == k)
             along = np.cross(self._normal[pair[k, 0]], self._normal[pair[k, 1]])
@@ -107,10 +107,10 @@ class MeetingEdges:
                 if not _among(a, b, known):
                     starts.append(a)
                     ends.append(b)
-                    elements.append(int(self._scene.element[triangle[first[rows[i]]]]))
-        return (
-            np.array(starts).reshape(-1, 3), np.array(ends).reshape(-1, 3), np.array(elements, dtype=np.int64).reshape(-1),
-        )
+                    sides.append((triangle[first[rows[i]]], triangle[second[rows[i]]]))
+        side = np.array(sides, dtype=np.int64).reshape(-1, 2)
+        bearers = meeting_of(self._scene.element[side].astype(np.int64), self._scene.normal[side])
+        return np.array(starts).reshape(-1, 3), np.array(ends).reshape(-1, 3), bearers
 
 
 def _among(a: Vector, b: Vector, known: tuple[Vector, Vector]) -> bool:

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from ..errors import BimVerifyError
 from .camera import Camera
 from .cameras_file import KnownCamera
-from .detect_lines import ImageLines, line_with_covariance
+from .crowded_edges import crowding
+from .detect_lines import ImageLines
+from .edge_bearers import EdgeBearers
 from .element_errors import estimate_with_elements
 from .line_pose import PoseEstimate, PosePrior, pose_difference
 from .pose_search import WIDE, gate, refine, score_pose, search
@@ -38,28 +40,43 @@ SAME_POSE_M, SAME_POSE_RAD = 0.03, math.radians(0.5)
 TEST = 13.8
 """Chi-square of two degrees at 99.9 %: matches beyond it, scaled by the variance factor, are taken out."""
 MOST_OUT = 0.5
+MISTAKEN = 0.1
+"""Share of the matches that are wrong and pass their tests: lines of something else within the tolerance, as found in photos of
+two buildings whose truth is known."""
 LOOKS = 2
 FARTHEST = 35.0
 """Chi-square of six degrees that is never reached: a pose beyond it contradicts the coarse one."""
 AMBIGUOUS = 0.93
 """A different pose that explains this share of what the best one does makes the result ambiguous."""
+LEAST_SURE = 7
+"""Lines: fewer lie on edges by chance too often."""
+CHANCE_POSES, CHANCE_EDGES, MOST_BY_CHANCE = 64, 60, 0.8
+"""So many poses are drawn from the coarse sigma and pulled onto the lines; if one of them explains this share of what the best
+does of the longest edges, so many lines may lie on edges by chance."""
 
 
 @dataclass(frozen=True)
 class MatchedLine:
     """An image line and the model edge it is taken for."""
 
-    element: int
-    """Row of the model's elements."""
+    bearers: EdgeBearers
+    """Of this one edge."""
     edge: Vector
     """(2, 3) ends of the visible part, metres, local frame"""
     line: Vector
     """(4,) both ends in ideal pixels"""
     residual: float
     """Root mean square distance of the line's ends from the projected edge, pixels."""
+    crowding: float
+    """How far the line may lie from the edge because others are too near to be told apart, pixels."""
     test: float
     """Chi-square with two degrees."""
     kept: bool
+
+    @property
+    def element(self) -> int:
+        """Row of the element in the model."""
+        return int(self.bearers.element[0, 0])
 
 
 @dataclass(frozen=True)
@@ -76,6 +93,8 @@ class ImageRegistration:
     """Share of the visible edges' length that lines account for."""
     runner_up: float
     """What the best different pose explains, share of the best; near one: ambiguous."""
+    chance: float
+    """The most that a pose drawn from the coarse sigma explains once pulled onto the lines, share of the best."""
     weak: tuple[WeakDirection, ...]
     note: str = ""
 
@@ -99,7 +118,7 @@ def register_image(
     camera = coarse.camera
     reach = min(_reach(coarse), 0.25 * camera.interior.width)
     before = viewer.look(camera, reach)
-    nothing = ImageRegistration(coarse, None, (), lines, before, None, 0.0, 0.0, ())
+    nothing = ImageRegistration(coarse, None, (), lines, before, None, 0.0, 0.0, 0.0, ())
     if len(before) < LEAST_LINES:
         return replace(nothing, note=f"The model shows only {len(before)} edges to this camera; check its coarse pose.")
     if len(lines) < LEAST_LINES:
@@ -131,10 +150,41 @@ def register_image(
             "from the coarse pose, which its sigma does not allow; check the coarse pose and its sigma."
         ))
     weak = weak_directions(estimate, PosePrior(coarse.rotation_sigma, coarse.position_sigma))
+    chance = _by_chance(after, lines, known, estimate.covariance, coarse, model_sigma, seed)
     note = ""
-    if runner_up > AMBIGUOUS:
+    if sum(m.kept for m in matches) < LEAST_SURE:
+        chance = 1.0
+        note = f"Only {sum(m.kept for m in matches)} lines lie on edges, which may be by chance; check the overlay."
+    elif runner_up > AMBIGUOUS:
         note = "Another pose explains the lines nearly as well; check the overlay."
-    return ImageRegistration(coarse, estimate, matches, lines, before, after, explained, runner_up, weak, note)
+    elif chance > MOST_BY_CHANCE:
+        note = "A pose by chance explains the lines nearly as well; a sharper image or a better coarse pose may help."
+    return ImageRegistration(coarse, estimate, matches, lines, before, after, explained, runner_up, chance, weak, note)
+
+
+def _by_chance(
+    edges: VisibleEdges, lines: ImageLines, found: KnownCamera, covariance: Vector, coarse: KnownCamera, model_sigma: float,
+    seed: int,
+) -> float:
+    """The most that poses explain which are drawn around the ``found`` one and are not the same, as a share of what it does.
+
+    Those are the same that come back to it, or differ by what its ``covariance`` (6, 6) leaves open.
+    """
+    edges = edges.rows(np.argsort(-edges.length_px, kind="stable")[:CHANCE_EDGES])
+    best = match_lines(edges, lines, found, model_sigma)
+    if best is None:
+        return 1.0
+    rng = np.random.default_rng((seed, 31))
+    most = 0.0
+    for _ in range(CHANCE_POSES):
+        camera = found.camera.moved(rng.normal(0, coarse.rotation_sigma, 3), rng.normal(0, coarse.position_sigma, 3))
+        matched = match_lines(edges, lines, replace(coarse, camera=camera), model_sigma)
+        if matched is None or _same(matched[0].camera, found.camera):
+            continue
+        away = pose_difference(matched[0].camera, found.camera)
+        if away @ np.linalg.solve(covariance, away) > FARTHEST:
+            most = max(most, matched[2])
+    return most / best[2]
 
 
 def _reach(coarse: KnownCamera, depth: float = 2.0) -> float:
@@ -236,13 +286,14 @@ def adjust_matches(
     """The rigorous adjustment; matches that do not fit it are taken out one after the other."""
     edge = _one_line_each(np.flatnonzero(best >= 0), best, edges, lines)
     line = best[edge]
-    line_of, cov = line_with_covariance(lines.start[line], lines.end[line], lines.offset_sigma[line], lines.angle_sigma[line])
+    crowded = crowding(edges.pixel)[edge]
+    line_of, cov = lines.uncertain(line, crowded)
     model = np.tile(np.eye(3) * model_sigma**2, (len(edge), 1, 1))
     matches = LineMatches(line_of, cov, edges.start[edge], edges.end[edge], model, model)
     kept = np.ones(len(edge), dtype=np.bool_)
     tests = np.full(len(edge), np.nan)
-    element = edges.element[edge]
-    estimate = _estimate(matches, kept, element, model_sigma, known.camera, coarse, focal)
+    bearers = edges.bearers.rows(edge)
+    estimate = _estimate(matches, kept, bearers, model_sigma, known.camera, coarse, focal)
     for _ in range(int(MOST_OUT * len(edge))):
         rows = np.flatnonzero(kept)
         worst = int(np.argmax(estimate.test))
@@ -251,25 +302,26 @@ def adjust_matches(
             break
         tests[rows[worst]] = estimate.test[worst]
         kept[rows[worst]] = False
-        estimate = _estimate(matches, kept, element, model_sigma, estimate.camera, coarse, focal)
+        estimate = _estimate(matches, kept, bearers, model_sigma, estimate.camera, coarse, focal)
     tests[kept] = estimate.test
     return estimate, tuple(
         MatchedLine(
-            int(edges.element[e]), np.stack([edges.start[e], edges.end[e]]),
-            np.concatenate([lines.start[k], lines.end[k]]), _distance(estimate.camera, edges, e, lines, k), float(test),
-            bool(keep),
+            edges.bearers.rows(np.array([e])), np.stack([edges.start[e], edges.end[e]]),
+            np.concatenate([lines.start[k], lines.end[k]]), _distance(estimate.camera, edges, e, lines, k), float(near),
+            float(test), bool(keep),
         )
-        for e, k, test, keep in zip(edge, line, tests, kept, strict=True)
+        for e, k, near, test, keep in zip(edge, line, crowded, tests, kept, strict=True)
     )
 
 
 def _estimate(
-    matches: LineMatches, kept: NDArray[np.bool_], element: Ints, model_sigma: float, known: Camera, coarse: KnownCamera,
+    matches: LineMatches, kept: NDArray[np.bool_], bearers: EdgeBearers, model_sigma: float, known: Camera, coarse: KnownCamera,
     focal: bool,
 ) -> PoseEstimate:
     return estimate_with_elements(
-        matches.rows(kept), element[kept], known, model_sigma, focal=focal, at=coarse.camera,
+        matches.rows(kept), bearers.rows(kept), known, model_sigma, focal=focal, at=coarse.camera,
         prior=PosePrior(coarse.rotation_sigma, coarse.position_sigma),
+        mistaken_px=math.sqrt(MISTAKEN / 3.0) * SEARCH_WIDTH * known.interior.width,
     )
 
 

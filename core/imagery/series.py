@@ -17,7 +17,8 @@ from .bundle import BundleResult, Term, adjust_bundle
 from .bundle_problem import BundleProblem
 from .cameras_file import KnownCamera
 from .coregistration import state_of
-from .detect_lines import ImageLines, line_with_covariance
+from .detect_lines import ImageLines
+from .edge_bearers import together
 from .free_net import FreeNet
 from .line_term import ImageEdges, LineTerm, PosePriors
 from .register_image import ImageRegistration, register_image
@@ -93,11 +94,11 @@ def _edges(camera: int, found: ImageRegistration, origin: np.ndarray) -> ImageEd
     ends = np.array([m.line for m in kept])
     apart = np.abs(np.column_stack([lens.start, lens.end])[None] - ends[:, None]).sum(axis=2)
     row = np.argmin(apart, axis=1)
-    line, cov = line_with_covariance(lens.start[row], lens.end[row], lens.offset_sigma[row], lens.angle_sigma[row])
+    line, cov = lens.uncertain(row, np.array([m.crowding for m in kept]))
     edge = np.array([m.edge for m in kept]) + origin
     nothing = np.zeros((len(kept), 3, 3))
     return ImageEdges(
-        camera, LineMatches(line, cov, edge[:, 0], edge[:, 1], nothing, nothing), np.array([m.element for m in kept])
+        camera, LineMatches(line, cov, edge[:, 0], edge[:, 1], nothing, nothing), together([m.bearers for m in kept])
     )
 
 

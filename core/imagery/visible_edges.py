@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..model.elements import BuildingModel
 from ..model.raycast import RayScene
 from .camera import Camera
+from .edge_bearers import EdgeBearers, free_edges, meeting_of, together
 from .meeting_edges import MeetingEdges
 from .model_edges import ModelEdges
 
@@ -32,13 +33,19 @@ class VisibleEdges:
     start: Vector
     """(N, 3) metres, local frame"""
     end: Vector
-    element: NDArray[np.int64]
+    bearers: EdgeBearers
     line: NDArray[np.int64]
     pixel: Vector
     """(N, 4) both ends in ideal pixels at the pose they were looked at from."""
 
     def __len__(self) -> int:
         return len(self.start)
+
+    def rows(self, chosen: NDArray[np.int64]) -> VisibleEdges:
+        """Only the chosen parts."""
+        return VisibleEdges(
+            self.start[chosen], self.end[chosen], self.bearers.rows(chosen), self.line[chosen], self.pixel[chosen]
+        )
 
     @property
     def length_px(self) -> Vector:
@@ -74,9 +81,9 @@ class EdgeViewer:
         place = ends[of, 0] + along[:, None] * (ends[of, 1] - ends[of, 0])
         at = pixel[of, 0] + share[:, None] * (pixel[of, 1] - pixel[of, 0])
         aside = ((pixel[:, 1] - pixel[:, 0]) / size[:, None])[of][:, ::-1] * [-ASIDE_PX, ASIDE_PX]
-        seen = self._seen(camera, place, at, aside)
+        seen, beside, normal = self._seen(camera, place, at, aside)
         parts = _parts(seen, first)
-        out_row, out_start, out_end, out_pixel = [], [], [], []
+        out_row, out_start, out_end, out_pixel, sample = [], [], [], [], []
         for k, low, high in parts:
             if (high - low) * size[k] / count[k] < SHORTEST_PX:
                 continue
@@ -85,15 +92,16 @@ class EdgeViewer:
             out_start.append(place[i])
             out_end.append(place[j])
             out_pixel.append(np.concatenate([at[i], at[j]]))
+            sample.append(_most_common(beside, np.arange(i, j + 1)[seen[i : j + 1]]))
         chosen = np.array(out_row, dtype=np.int64)
         begin, finish = np.array(out_start).reshape(-1, 3), np.array(out_end).reshape(-1, 3)
-        more_begin, more_end, more_element = self._meeting.look(camera, (begin, finish), margin)
+        more_begin, more_end, more_bearers = self._meeting.look(camera, (begin, finish), margin)
         more_pixel = np.column_stack([camera.project(more_begin), camera.project(more_end)])
         size = np.hypot(more_pixel[:, 2] - more_pixel[:, 0], more_pixel[:, 3] - more_pixel[:, 1])
         good = np.flatnonzero(size >= SHORTEST_PX)
         return VisibleEdges(
             np.concatenate([begin, more_begin[good]]), np.concatenate([finish, more_end[good]]),
-            np.concatenate([edges.element[row[chosen]], more_element[good]]),
+            together([self._bearers(beside[sample], normal[sample]), more_bearers.rows(good)]),
             np.concatenate([row[chosen], len(edges) + good]),
             np.concatenate([np.array(out_pixel).reshape(-1, 4), more_pixel[good]]),
         )
@@ -119,10 +127,13 @@ class EdgeViewer:
         row = np.flatnonzero(t1 > t0)
         return row, t0[row], t1[row]
 
-    def _seen(self, camera: Camera, place: Vector, at: Vector, aside: Vector) -> NDArray[np.bool_]:
-        """Whether one of the surfaces beside each place is the edge's own, and the two are not one plane."""
+    def _seen(
+        self, camera: Camera, place: Vector, at: Vector, aside: Vector
+    ) -> tuple[NDArray[np.bool_], NDArray[np.int64], Vector]:
+        """Whether one of the surfaces beside each place (S,) is the edge's own, and the two are not one plane; the elements
+        of these surfaces (S, 2), -1 for one that does not reach the edge, and their normals (S, 2, 3)."""
         inside = camera.interior
-        on, normals = [], []
+        beside, normals = [], []
         for sign in (1.0, -1.0):
             pixel = at + sign * aside
             ray = np.column_stack([(pixel - [inside.cx, inside.cy]) / [inside.fx, inside.fy], np.ones(len(pixel))])
@@ -135,10 +146,26 @@ class EdgeViewer:
             hit = camera.position + ray * np.where(known, reach, 0.0)[:, None]
             distance = np.linalg.norm(place - camera.position, axis=1)
             near = np.linalg.norm(hit - place, axis=1) < 12.0 * ASIDE_PX / inside.fx * distance + 0.01
-            on.append(known & (off < ON_PLANE_M) & near)
+            beside.append(np.where(known & (off < ON_PLANE_M) & near, self.scene.element[triangle], -1))
             normals.append(normal)
-        one_plane = on[0] & on[1] & (np.abs(np.einsum("ni,ni->n", normals[0], normals[1])) > SAME_NORMAL)
-        return (on[0] | on[1]) & ~one_plane
+        element, normal = np.stack(beside, axis=1).astype(np.int64), np.stack(normals, axis=1)
+        flat = np.abs(np.einsum("ni,ni->n", normal[:, 0], normal[:, 1])) > SAME_NORMAL
+        return (element >= 0).any(axis=1) & ~((element >= 0).all(axis=1) & flat), element, normal
+
+    @staticmethod
+    def _bearers(beside: NDArray[np.int64], normal: Vector) -> EdgeBearers:
+        """Of edges with the elements ``beside`` (N, 2) them, -1 for none."""
+        found = free_edges(beside.max(axis=1, initial=-1))
+        two = (beside >= 0).all(axis=1)
+        meeting = meeting_of(beside[two], normal[two])
+        found.element[two], found.carry[two] = meeting.element, meeting.carry
+        return found
+
+
+def _most_common(beside: NDArray[np.int64], samples: NDArray[np.int64]) -> int:
+    """The first of the ``samples`` that has what most of them have beside them."""
+    _, first, count = np.unique(beside[samples], axis=0, return_index=True, return_counts=True)
+    return int(samples[first[count.argmax()]])
 
 
 def _parts(seen: NDArray[np.bool_], first: NDArray[np.int64]) -> list[tuple[int, int, int]]:

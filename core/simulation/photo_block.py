@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from ..imagery.bundle_problem import BundleProblem, Control, ImageObservations
 from ..imagery.camera import Camera, Interior
 from ..imagery.detect_lines import ImageLines
 from ..imagery.visible_edges import EdgeViewer
+from ..model.elements import BuildingModel
 from ..model.raycast import RayScene
 from .photo import looking
 
@@ -40,11 +42,12 @@ def cameras_around(places: Array, headings: int, lens: Interior = LENS) -> tuple
 
 def photograph_block(
     scene: RayScene, cameras: Sequence[Camera], per_image: int, seed: int, *, control: int = 12, noise_px: float = NOISE_PX,
-    track: int | None = None, free: tuple[str, ...] = FREE,
+    track: int | None = None, closed: bool = False, free: tuple[str, ...] = FREE,
 ) -> tuple[BundleProblem, Array]:
     """A bundle problem whose tie points lie on what the cameras see of ``scene``, and the true points (M, 3).
 
-    A point is found again in the next ``track`` images only (a series), or in all that see it.
+    A point is found again in the next ``track`` images only (a series; the first follow the last where it is ``closed``), or
+    in all that see it.
     """
     rng = np.random.default_rng((seed, 21))
     points, source = [], []
@@ -62,7 +65,8 @@ def photograph_block(
             pixel = camera.interior.distort(camera.project(cloud))
             inside = ((pixel > 0) & (pixel < [camera.interior.width - 1, camera.interior.height - 1])).all(axis=1)
         if track is not None:
-            inside &= (first_image <= k) & (k <= first_image + track)
+            later = (k - first_image) % len(cameras) if closed else k - first_image
+            inside &= (later >= 0) & (later <= track)
         rows = np.flatnonzero(inside)
         to = cloud[rows] - camera.position
         far = np.linalg.norm(to, axis=1)
@@ -82,6 +86,14 @@ def photograph_block(
         Control(known, cloud[known] + rng.normal(0, CONTROL_M, (len(known), 3)), np.full((len(known), 3), CONTROL_M)),
         free,
     ), cloud
+
+
+def as_built(model: BuildingModel, shift: Array) -> BuildingModel:
+    """The model with its elements moved by ``shift`` (E, 3) [m]."""
+    moved = model.vertices.copy()
+    for e in range(len(model.elements)):
+        moved[np.unique(model.triangles[model.triangle_element == e])] += shift[e]
+    return replace(model, vertices=moved)
 
 
 def edge_lines(viewer: EdgeViewer, camera: Camera, noise_px: float, rng: np.random.Generator) -> ImageLines:
@@ -104,6 +116,23 @@ def walk(length: float, images: int, lens: Interior = LENS) -> tuple[Camera, ...
     for k in range(images):
         place = np.array([0.8 + k / (images - 1) * (length - 3.8), 1.2 + 0.2 * math.sin(1.1 * k), 1.5 + 0.1 * (k % 2)])
         found.append(Camera(f"{k:03d}.jpg", lens, looking(0.2 * math.sin(0.9 * k), -0.05, 0.0), place))
+    return tuple(found)
+
+
+def walk_around(side: float, images: int, corner: float, lens: Interior = LENS) -> tuple[Camera, ...]:
+    """A series of photos, looking ahead, once around a square of ``side`` [m], ``corner`` [m] its corners' radius."""
+    straight, arc = side - 2.0 * corner, 0.5 * math.pi * corner
+    found = []
+    for k in range(images):
+        leg, at = divmod(k / images * 4.0 * (straight + arc), straight + arc)
+        turned = max(at - straight, 0.0) / corner
+        along = np.array([
+            corner + min(at, straight) + corner * math.sin(turned), corner * (1.0 - math.cos(turned)),
+        ]) - side / 2.0
+        c, s = (round(f(leg * math.pi / 2.0)) for f in (math.cos, math.sin))
+        place = np.array([c * along[0] - s * along[1], s * along[0] + c * along[1], 1.5 + 0.1 * (k % 2)])
+        turn = looking(leg * math.pi / 2.0 + turned + 0.1 * math.sin(0.9 * k), -0.05, 0.0)
+        found.append(Camera(f"{k:03d}.jpg", lens, turn, place))
     return tuple(found)
 
 

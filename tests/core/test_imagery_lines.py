@@ -71,7 +71,7 @@ def test_hidden_edges_and_flush_joints_are_not_seen() -> None:
     edges = sharp_edges(model)
     view = replace(camera(), rotation=np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), position=np.array([0.0, 0.0, 1.0]))
     seen = EdgeViewer(model, edges).look(view)
-    assert len(seen) and "behind" not in {model.elements[e].name for e in seen.element}
+    assert len(seen) and "behind" not in {model.elements[e].name for e in np.unique(seen.bearers.element)}
     middle = 0.5 * (seen.start + seen.end)
     assert not (np.abs(middle[:, 0]) < 1e-3)[np.abs(seen.start[:, 2] - seen.end[:, 2]) > 0.5].any()
 
@@ -79,7 +79,7 @@ def test_hidden_edges_and_flush_joints_are_not_seen() -> None:
 def test_a_room_shows_its_edges() -> None:
     model = room()
     seen = EdgeViewer(model, sharp_edges(model)).look(camera())
-    names = {model.elements[e].name for e in seen.element}
+    names = {model.elements[e].name for e in np.unique(seen.bearers.element)}
     assert {"door", "window", "cupboard", "beam"} <= names
     assert (seen.length_px >= 25).all()
 
