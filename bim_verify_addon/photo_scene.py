@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 PHOTOS = "Photos"
 PHOTO_KEY = "bim_verify_photo"
 """On everything that stands for a photo: the image's name."""
+AS_GIVEN = "as given"
+"""State of the camera that stands where the cameras file puts it."""
 SUMMARY_KEY = "bim_verify_photos"
 """On the scene: what the last registration found, in one sentence."""
 RESIDUAL = "bv_residual"
@@ -30,7 +33,7 @@ WORST_PX = 3.0
 
 
 def show_photos(target: bpy.types.Scene, result: CoregistrationResult) -> str:
-    """A camera per image (its coarse pose as an empty beside it) and its matched edges; what was there before is replaced."""
+    """Two cameras per image (as given, as placed) and its matched edges; what was there before is replaced."""
     from ..core.imagery.coregistration import state_of
 
     clear(target)
@@ -40,16 +43,25 @@ def show_photos(target: bpy.types.Scene, result: CoregistrationResult) -> str:
     states = [state_of(found) for found in result.registrations]
     for index, (path, found) in enumerate(zip(result.images, result.registrations, strict=True)):
         name = Path(path).name
-        item = _camera(target, name, result.camera(index), result.model.origin, place, path)
-        item["bim_verify_state"] = states[index]
-        item["note"] = _note(found)
-        _coarse(target, name, found, result.model.origin, place)
+        lens = result.camera(index).interior
+        for label, pose, state, note in (
+            (name, result.camera(index), states[index], _note(found)),
+            (f"{name} {AS_GIVEN}", replace(found.coarse.camera, interior=lens), AS_GIVEN, "The pose of the cameras file"),
+        ):
+            item = _camera(target, label, name, pose, result.model.origin, place, path)
+            item["bim_verify_state"], item["note"] = state, note
         _edges(target, name, found, result.model.origin, place)
     if target.camera is None or PHOTO_KEY in target.camera:
-        target.camera = next(i for i in target.objects if i.type == "CAMERA" and PHOTO_KEY in i)
+        target.camera = pose_of(target, Path(result.images[0]).name)
     placed = sum(state in ("REFINED", "PARTLY") for state in states)
     target[SUMMARY_KEY] = f"{placed} of {len(states)} images are placed on the model."
     return str(target[SUMMARY_KEY])
+
+
+def pose_of(target: bpy.types.Scene, name: str, *, given: bool = False) -> bpy.types.Object | None:
+    """The camera of the image ``name``, as placed or as given; None where there is none (any more)."""
+    cameras = (i for i in target.objects if i.type == "CAMERA" and i.get(PHOTO_KEY) == name)
+    return next((i for i in cameras if (i["bim_verify_state"] == AS_GIVEN) == given), None)
 
 
 def _note(found: ImageRegistration) -> str:
@@ -86,11 +98,12 @@ def show(target: bpy.types.Scene, result: object) -> bool:
 
 
 def _camera(
-    target: bpy.types.Scene, name: str, camera: Camera, origin: NDArray[np.float64], place: frame.ViewFrame, path: str
+    target: bpy.types.Scene, label: str, name: str, camera: Camera, origin: NDArray[np.float64], place: frame.ViewFrame,
+    path: str,
 ) -> bpy.types.Object:
     """Blender's camera has no distortion: the image behind it fits in the middle, and its border only about."""
     lens = camera.interior
-    data = bpy.data.cameras.new(name)
+    data = bpy.data.cameras.new(label)
     data.sensor_fit = "HORIZONTAL" if lens.width >= lens.height else "VERTICAL"
     size = max(lens.width, lens.height)
     data.sensor_width = data.sensor_height = 36.0
@@ -103,27 +116,13 @@ def _camera(
         back.image = bpy.data.images.load(str(Path(path).resolve()), check_existing=True)
         back.alpha, back.display_depth = 0.5, "FRONT"  # so that it is seen on the model in every shading
         data.show_background_images = True
-    item = bpy.data.objects.new(name, data)
+    item = bpy.data.objects.new(label, data)
     matrix = np.eye(4)
     matrix[:3, :3] = place.turned(camera.rotation.T @ PHOTOGRAMMETRIC)
     matrix[:3, 3] = place.to_view(camera.position + origin)
     item.matrix_world = Matrix(matrix.tolist())
     _keep(target, item, name)
     return item
-
-
-def _coarse(
-    target: bpy.types.Scene, name: str, found: ImageRegistration, origin: NDArray[np.float64], place: frame.ViewFrame
-) -> None:
-    camera = found.coarse.camera
-    item = bpy.data.objects.new(f"{name} coarse", None)
-    item.empty_display_type, item.empty_display_size = "CONE", 0.15
-    matrix = np.eye(4)
-    matrix[:3, :3] = place.turned(camera.rotation.T @ PHOTOGRAMMETRIC)
-    matrix[:3, 3] = place.to_view(camera.position + origin)
-    item.matrix_world = Matrix(matrix.tolist())
-    item.color = COARSE_COLOR
-    _keep(target, item, name)
 
 
 def _edges(

@@ -35,6 +35,7 @@ def options(settings: bpy.types.PropertyGroup) -> VerifyOptions:
         origin=scanner_position(settings.origin),
         threads=settings.threads,
         memory_gb=settings.memory_gb,
+        dense=tuple(bpy.path.abspath(scan.path) for scan in settings.scans if scan.use and scan.dense),
     )
 
 
@@ -50,8 +51,8 @@ def scanner_position(text: str) -> tuple[float, float, float] | None:
 
 
 def scan_paths(settings: bpy.types.PropertyGroup) -> list[str]:
-    """The scan files in use, absolute."""
-    return [bpy.path.abspath(scan.path) for scan in settings.scans if scan.use]
+    """The scan files in use, absolute; dense points of photos are none."""
+    return [bpy.path.abspath(scan.path) for scan in settings.scans if scan.use and not scan.dense]
 
 
 def result(scene: bpy.types.Scene) -> VerificationResult | None:

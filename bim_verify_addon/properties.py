@@ -78,6 +78,10 @@ class BimVerifyScan(bpy.types.PropertyGroup):
     points: FloatProperty(name="Points", description="Points in the file")
     stations: IntProperty(name="Stations", description="Scanner positions in the file")
     use: BoolProperty(name="Use", default=True, description="Verify with this scan")
+    dense: BoolProperty(
+        name="Dense points of photos",
+        description="Points of a dense match, made with the photogrammetric project among the scans: no rays, occupied only",
+    )
 
 
 class BimVerifyCount(bpy.types.PropertyGroup):

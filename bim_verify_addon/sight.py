@@ -60,6 +60,15 @@ def look_at_all(context: bpy.types.Context, items: Iterable[bpy.types.Object]) -
             space.clip_end = max(space.clip_end, 10.0 * size)
 
 
+def through_camera(context: bpy.types.Context) -> None:
+    """Let each 3D view look through the scene's camera; without a window there is none."""
+    if bpy.app.background or context.window is None:
+        return
+    for area in context.window.screen.areas:
+        if area.type == "VIEW_3D":
+            area.spaces.active.region_3d.view_perspective = "CAMERA"
+
+
 def bounds(items: Iterable[bpy.types.Object]) -> tuple[Vector, Vector]:
     """The lowest and the highest corner of a box around objects [m, Blender's world]; of nothing, the origin."""
     corners = [item.matrix_world @ Vector(corner) for item in items for corner in item.bound_box] or [Vector()]

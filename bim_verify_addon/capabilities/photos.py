@@ -25,7 +25,10 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if item is not None and photo_scene.PHOTO_KEY in item and item.type == "CAMERA":
         box = layout.box()
         wrapped(box, context, f"{item[photo_scene.PHOTO_KEY]}: {str(item['bim_verify_state']).lower()}. {item['note']}")
-        box.operator("view3d.object_as_camera", text="Look Through", icon="VIEW_CAMERA")
+        row = box.row(align=True)
+        for given, text in ((True, "Before"), (False, "After")):
+            button = row.operator("bim_verify.look_through", text=text, icon="VIEW_CAMERA")
+            button.image, button.given = item[photo_scene.PHOTO_KEY], given
 
 
 def show(scene: bpy.types.Scene, result: Any) -> bool:

@@ -16,12 +16,13 @@ class BIMVERIFY_UL_scans(bpy.types.UIList):
         row.prop(item, "use", text="")
         row.label(text=item.name)
         row.label(text=f"{item.points / 1e6:.2f} M")
+        row.prop(item, "dense", text="", icon="IMAGE_DATA", emboss=item.dense)
 
 
 def _state(scene: bpy.types.Scene) -> StepState:
     used = [scan for scan in scene.bim_verify.scans if scan.use]
-    if not used:
-        return StepState(False, "No scan yet")
+    if not any(not scan.dense for scan in used):
+        return StepState(False, "Dense points need the project of their photos" if used else "No scan yet")
     points = sum(scan.points for scan in used)
     stations = sum(scan.stations for scan in used)
     return StepState(True, f"{points / 1e6:.1f} M points, {stations} station{'s' if stations != 1 else ''}")

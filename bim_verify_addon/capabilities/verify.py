@@ -200,9 +200,10 @@ def show(scene: bpy.types.Scene, result: Any) -> bool:
     settings = scene.bim_verify
     display = make_display(result, settings.display_vertices)
     settings.model_path = str(Path(result.model.path).resolve())
-    for path in result.scan_paths:
+    for path in (*result.scan_paths, *result.options.dense):
         entry = settings.scans.add()
         entry.path, entry.name = str(Path(path).resolve()), Path(path).name
+        entry.dense = path in result.options.dense
     settings.loa, settings.sigma_mm = str(result.options.loa), 1000 * result.options.sigma
     settings.align = result.options.align
     project.adopt_frame(scene, result.model)

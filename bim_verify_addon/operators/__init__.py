@@ -17,6 +17,7 @@ from .export_other import (
 from .facade import BIMVERIFY_OT_facade, BIMVERIFY_OT_write_facade
 from .import_ifc import BIMVERIFY_OT_import_ifc
 from .import_scan import BIMVERIFY_OT_import_scan, BIMVERIFY_OT_remove_scan
+from .look_through import BIMVERIFY_OT_look_through
 from .plan import BIMVERIFY_OT_plan
 from .quality import BIMVERIFY_OT_quality
 from .reconstruct import BIMVERIFY_OT_reconstruct
@@ -35,6 +36,7 @@ CLASSES = (
     BIMVERIFY_OT_verify,
     BIMVERIFY_OT_change,
     BIMVERIFY_OT_coregister,
+    BIMVERIFY_OT_look_through,
     BIMVERIFY_OT_select_findings,
     BIMVERIFY_OT_step_finding,
     BIMVERIFY_OT_isolate_findings,

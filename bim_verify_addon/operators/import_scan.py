@@ -44,7 +44,9 @@ class BIMVERIFY_OT_import_scan(FileJob[Clouds], bpy.types.Operator):
 
     bl_idname = "bim_verify.import_scan"
     bl_label = "Add Scans"
-    bl_description = "Add scan files (E57, LAS, LAZ, PLY, PCD, PTS, PTX, XYZ, CSV) and show each as a thinned cloud"
+    bl_description = (
+        "Add scan files (E57, LAS, LAZ, PLY, PCD, PTS, PTX, XYZ, CSV) or projects of photos, and show each as a thinned cloud"
+    )
     bl_options = {"REGISTER", "UNDO"}
     title = "Add Scans"
 
@@ -52,7 +54,7 @@ class BIMVERIFY_OT_import_scan(FileJob[Clouds], bpy.types.Operator):
     directory: StringProperty(subtype="DIR_PATH", options={"HIDDEN"})
     files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN"})
     filter_glob: StringProperty(
-        default="*.e57;*.las;*.laz;*.ply;*.pcd;*.pts;*.ptx;*.xyz;*.txt;*.asc;*.csv;*.npy", options={"HIDDEN"}
+        default="*.e57;*.las;*.laz;*.ply;*.pcd;*.pts;*.ptx;*.xyz;*.txt;*.asc;*.csv;*.npy;*.json;*.out", options={"HIDDEN"}
     )
 
     @classmethod

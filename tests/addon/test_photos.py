@@ -13,7 +13,7 @@ from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Vector
 from PIL import Image
 
-from bim_verify.bim_verify_addon import photo_scene
+from bim_verify.bim_verify_addon import photo_scene, project
 from bim_verify.bim_verify_addon.capabilities import CAPABILITIES
 from bim_verify.bim_verify_addon.session import SESSION
 from bim_verify.core.imagery.cameras_file import CameraList, KnownCamera, camera_to_plain
@@ -67,6 +67,32 @@ def test_the_operator_places_cameras_with_their_images(
     edges = next(i for i in blender.objects if i.name.endswith("edges"))
     assert len(edges.data.edges) == sum(m.kept for m in result.registrations[0].matches)
     assert photo_scene.RESIDUAL in edges.data.attributes
+
+
+def test_before_and_after_are_two_cameras(blender: bpy.types.Scene, result: CoregistrationResult) -> None:
+    assert photo_scene.show(blender, result)
+    after, before = (photo_scene.pose_of(blender, "room.png", given=given) for given in (False, True))
+    assert after is not None and before is not None and blender.camera == after
+    bpy.context.view_layer.update()
+    moved = np.array(before.matrix_world.translation) - np.array(after.matrix_world.translation)
+    found = result.registrations[0]
+    assert np.allclose(moved, found.coarse.camera.position - found.camera.position, atol=1e-5)
+    assert ops.look_through(image="room.png", given=True) == {"FINISHED"} and blender.camera == before
+    assert ops.look_through() == {"FINISHED"} and blender.camera == after
+    with pytest.raises(RuntimeError, match=r"no camera of other\.png"):
+        ops.look_through(image="other.png")
+
+
+def test_a_dense_cloud_is_no_scan(blender: bpy.types.Scene) -> None:
+    settings = blender.bim_verify
+    for path, dense in (("/there/project.json", False), ("/there/dense.ply", True)):
+        entry = settings.scans.add()
+        entry.path, entry.name, entry.dense = path, Path(path).name, dense
+    assert project.scan_paths(settings) == [str(Path("/there/project.json"))]
+    assert project.options(settings).dense == (str(Path("/there/dense.ply")),)
+    settings.scans[0].use = False
+    step = next(c.step for c in CAPABILITIES if c.name == "scans")
+    assert not step.state(blender).done and "Dense" in step.state(blender).text
 
 
 def test_a_shown_camera_sees_points_where_the_image_has_them(
