@@ -8,7 +8,8 @@ import numpy as np
 
 from .building import ASSUMED, REVEAL
 from .crossings import Crossings
-from .openings import Opening, reveal_depth
+from .opening_fill import reveal_depth
+from .openings import Opening
 from .walls import WallLine
 
 DEFAULT_M = 0.30
@@ -37,7 +38,7 @@ def hint(side: Crossings, openings: list[Opening], band: float) -> Hint:
     """From all openings of a wall."""
     reveal, least, leaves = None, 0.0, []
     for opening in openings:
-        depth, leaf = reveal_depth(side, opening, band)
+        depth, leaf = reveal_depth(side, (opening.u0, opening.u1, opening.z0, opening.z1), band)
         if leaf is not None:
             leaves.append(leaf)
         if depth is None or not LEAST_M < depth < MOST_M or opening.kind != "window":
