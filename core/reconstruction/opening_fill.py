@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .crossings import Crossings
 
 Box = tuple[float, float, float, float]
+Span = tuple[float, float]
 
 RIM_M = (0.02, 0.055)
 """A frame lies this far inside the edge of its opening; the reveal itself does not."""
 FILLED_SHARE = 0.4
 RIM_BIN_M = 0.04
+LEAST_REVEAL_RETURNS = 30
+REVEAL_BIN_M = 0.01
+DENSE_BINS = 2
+"""Where returns follow each other this closely at the end of a reveal, its end is the last of them."""
+STEPS = 2
+"""Steps between columns of returns from which the spacing at a reveal's end is taken."""
 
 
 def is_filled(sides: list[Crossings], box: Box, thickness: float, band: float) -> bool:
@@ -35,8 +43,8 @@ def is_filled(sides: list[Crossings], box: Box, thickness: float, band: float) -
     return bool((rim >= 2).mean() > FILLED_SHARE) or (inner > 20 and inner_in > 0.5 * inner)
 
 
-def reveal_depth(c: Crossings, box: Box, band: float) -> tuple[float | None, float | None]:
-    """(depth to which the reveal of the opening goes on, depth of a leaf or pane that closes it), metres; None unknown."""
+def reveal_depth(c: Crossings, box: Box, band: float) -> tuple[Span | None, float | None]:
+    """(depths between which the reveal of the opening ends, depth of a leaf or pane that closes it), metres; None unknown."""
     u0, u1, z0, z1 = box
     deep = (c.depth > band) & (c.depth < 0.9) & (c.u > u0) & (c.u < u1) & (c.z > z0) & (c.z < z1)
     beside = (np.abs(c.end_u - u0) < 0.01) | (np.abs(c.end_u - u1) < 0.01)
@@ -52,10 +60,28 @@ def reveal_depth(c: Crossings, box: Box, band: float) -> tuple[float | None, flo
         cells = np.unique(np.floor(c.end_u[inner] / 0.05) * 10007 + np.floor(c.end_z[inner] / 0.05))
         if bins[max(best - 1, 0) : best + 2].sum() > 0.5 * inner.sum() and len(cells) * 0.0025 > 0.4 * width * height:
             leaf = float(np.median(c.depth[inner & (np.abs(c.depth - (best + 0.5) * 0.01) < 0.02)]))
-    if len(depth) < 30:
-        return None, leaf
-    bins = np.bincount((depth / 0.01).astype(np.int64))
-    enough = np.flatnonzero(bins >= max(3.0, 0.05 * np.median(bins[bins > 0])))
-    last = int(enough[-1]) if len(enough) else 0
-    tail = depth[(depth > (last - 1) * 0.01) & (depth < (last + 1) * 0.01)]
-    return (float(np.quantile(tail, 0.98)) if len(tail) else None), leaf
+    return _end_of(depth, leaf), leaf
+
+
+def _end_of(depth: NDArray[np.float64], leaf: float | None) -> Span | None:
+    """Between the deepest return on the reveal and as far again as the next one would lie: the rays' spacing there.
+
+    Behind a pane a reveal is seen in a few slanted columns only, and the last of them falls short of its end.
+    """
+    if len(depth) < LEAST_REVEAL_RETURNS:
+        return None
+    bins = np.bincount((depth / REVEAL_BIN_M).astype(np.int64))
+    enough = bins >= max(3.0, 0.05 * np.median(bins[bins > 0]))
+    if not enough.any():
+        return None
+    last = int(np.flatnonzero(enough)[-1])
+    tail = depth[(depth > (last - 1) * REVEAL_BIN_M) & (depth < (last + 1) * REVEAL_BIN_M)]
+    end = float(np.quantile(tail, 0.98))
+    if enough[max(last - DENSE_BINS, 0) : last + 1].all():
+        return end, end
+    columns = np.flatnonzero(enough) * REVEAL_BIN_M
+    if leaf is not None:
+        columns = np.concatenate([[leaf], columns[columns > leaf]])
+    steps = np.diff(columns)
+    wide = steps[steps > 1.5 * REVEAL_BIN_M][-STEPS:]
+    return end, end + float(wide.max(initial=REVEAL_BIN_M))

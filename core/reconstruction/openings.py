@@ -39,7 +39,7 @@ LEAST_FRAMED = 0.5
 """Share of the wall around a hole that must be seen, where nothing came back from the hole itself."""
 DOOR_SILL_M = 0.15
 DOOR_HEIGHT_M = 1.6
-SAME_SIDE_CELLS = 2
+EDGE_CELLS = 2
 SAME_HOLE = 0.3
 """Of two openings that share this much of both sides of the smaller one, the larger one stays."""
 LEAST_SEEN_M = 0.14
@@ -173,7 +173,7 @@ def _over_each_other(state: Cells, rectangles: list[Rectangle]) -> list[Rectangl
     for a in sorted(rectangles, key=lambda r: r[2]):
         for n, b in enumerate(out):
             i0, i1 = min(a[0], b[0]), max(a[1], b[1])
-            same = max(abs(a[0] - b[0]), abs(a[1] - b[1])) <= SAME_SIDE_CELLS and b[3] <= a[2]
+            same = max(abs(a[0] - b[0]), abs(a[1] - b[1])) <= EDGE_CELLS and b[3] <= a[2]
             if same and (state[i0:i1, b[3] : a[2]] == SOLID).sum() < LEAST_CELLS:
                 out[n] = i0, i1, b[2], a[3]
                 break
@@ -236,7 +236,7 @@ def _refined(
     u0, u1, z0, z1 = (b[0] for b in brackets)
     down = z0 - floor < DOOR_SILL_M
     foot, sill = (max(round((z - raster.z0) / cell), 0) for z in (floor + DOOR_SILL_M, z0))
-    below = raster.state[rectangle[0] : rectangle[1], foot:sill] == SOLID
+    below = raster.state[_clear_of_edges(*rectangle[:2]), foot:sill] == SOLID
     wall_below = bool((below.sum(axis=0) >= LEAST_CELLS).any())
     rays = gathered(sides, band)
     near_z = (rays.z > z0 + 0.1 * (z1 - z0)) & (rays.z < z1 - 0.1 * (z1 - z0))
@@ -280,16 +280,23 @@ def _refined(
     return Opening(u0, u1, z0, z1, kind, filled, quality, sigmas, hidden)
 
 
+def _clear_of_edges(first: int, last: int) -> slice:
+    """The lines of a hole without those that show the wall beside it."""
+    return slice(first + EDGE_CELLS, last - EDGE_CELLS) if last - first > 4 * EDGE_CELLS else slice(first, last)
+
+
 def _brackets(raster: FaceRaster, rectangle: Rectangle) -> list[tuple[float, float]]:
     """For each edge the place up to which it is open, and that from which it is solid [m], hidden parts between them."""
     i0, i1, k0, k1 = rectangle
     hole, solid = raster.state == OPEN, raster.state == SOLID
     jump = max(int(JUMP_M / raster.cell), 1)
     for _ in range(2):
-        u_hole, u_solid = hole[:, k0:k1], solid[:, k0:k1]
+        across = _clear_of_edges(k0, k1)
+        u_hole, u_solid = hole[:, across], solid[:, across]
         left, right = bracket(u_hole, u_solid, i0, -1, jump), bracket(u_hole, u_solid, i1 - 1, 1, jump)
         i0, i1 = left[0], right[0] + 1
-        z_hole, z_solid = hole[i0:i1].T, solid[i0:i1].T
+        across = _clear_of_edges(i0, i1)
+        z_hole, z_solid = hole[across].T, solid[across].T
         down, up = bracket(z_hole, z_solid, k0, -1, jump), bracket(z_hole, z_solid, k1 - 1, 1, jump)
         k0, k1 = down[0], up[0] + 1
     c = raster.cell
