@@ -262,7 +262,7 @@ def _refined(
             lower, upper = (z0, z1) if upright else (u0, u1)
             inside = rays.behind & (along_edge > lower) & (along_edge < upper)
             place = reveal_edge(end, along_edge, rays.depth, inside, limits, thickness)
-        found.append(place or hidden_edge(inner, outer))
+        found.append(place or hidden_edge(inner, outer, cell))
     down = down or (found[2].seen and found[2].at - floor < DOOR_SILL_M)
     if down:
         found[2] = EdgePlace(floor, FLOOR_SIGMA_M, True)
@@ -291,12 +291,10 @@ def _brackets(raster: FaceRaster, rectangle: Rectangle) -> list[tuple[float, flo
     hole, solid = raster.state == OPEN, raster.state == SOLID
     jump = max(int(JUMP_M / raster.cell), 1)
     for _ in range(2):
-        across = _clear_of_edges(k0, k1)
-        u_hole, u_solid = hole[:, across], solid[:, across]
+        u_hole, u_solid = hole[:, k0:k1], solid[:, _clear_of_edges(k0, k1)]
         left, right = bracket(u_hole, u_solid, i0, -1, jump), bracket(u_hole, u_solid, i1 - 1, 1, jump)
         i0, i1 = left[0], right[0] + 1
-        across = _clear_of_edges(i0, i1)
-        z_hole, z_solid = hole[across].T, solid[across].T
+        z_hole, z_solid = hole[i0:i1].T, solid[_clear_of_edges(i0, i1)].T
         down, up = bracket(z_hole, z_solid, k0, -1, jump), bracket(z_hole, z_solid, k1 - 1, 1, jump)
         k0, k1 = down[0], up[0] + 1
     c = raster.cell
