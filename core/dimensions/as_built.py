@@ -142,12 +142,12 @@ def _room(space: Region, faces: list[Face], names: Sequence[str], shared: float)
     for i, a in enumerate(upright):
         for b in upright[i + 1 :]:
             cosine = float(a.normal @ b.normal)
-            between = (names[a.element], names[b.element])
+            both = (names[a.element], names[b.element])
             length = min(_length(a), _length(b))
             if abs(cosine) > -OPPOSITE_COS and _overlap(a, b) is not None:
-                yield conformity(space.name, space.global_id, between, parallelism(a.plane, b.plane, length))
+                yield conformity(space.name, space.global_id, both, parallelism(a.plane, b.plane, length))
             elif abs(cosine) < SQUARE_COS:
-                yield conformity(space.name, space.global_id, between, orthogonality(a.plane, b.plane, length))
+                yield conformity(space.name, space.global_id, both, orthogonality(a.plane, b.plane, length))
 
 
 def _widths(

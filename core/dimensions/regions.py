@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,15 +52,15 @@ def read_regions(path: str | Path, origin: Array) -> tuple[list[Region], list[Re
     )
 
 
-def _region(product: object, host: str, origin: Array) -> Region | None:
+def _region(product: Any, host: str, origin: Array) -> Region | None:
     import ifcopenshell.geom
 
     settings = ifcopenshell.geom.settings()
     settings.set("use-world-coords", True)
-    if not getattr(product, "Representation", None):
+    if not product.Representation:
         return None
     try:
-        shape = ifcopenshell.geom.create_shape(settings, product)
+        shape: Any = ifcopenshell.geom.create_shape(settings, product)
     except RuntimeError:
         return None
     vertices = np.array(shape.geometry.verts, dtype=np.float64).reshape(-1, 3) - origin
@@ -68,8 +69,8 @@ def _region(product: object, host: str, origin: Array) -> Region | None:
     outline = union_all([p for p in flat if p.area > LEAST_AREA_M2])
     if not isinstance(outline, Polygon | MultiPolygon) or outline.is_empty:
         return None
-    name = " ".join(str(v) for v in (getattr(product, "Name", None), getattr(product, "LongName", None)) if v)
+    name = " ".join(str(v) for v in (product.Name, getattr(product, "LongName", None)) if v)
     return Region(
-        str(getattr(product, "GlobalId", "")), name or "(no name)", outline, float(vertices[:, 2].min()),
+        product.GlobalId, name or "(no name)", outline, float(vertices[:, 2].min()),
         float(vertices[:, 2].max()), host,
     )

@@ -54,12 +54,12 @@ def room_dimensions(storey: BuiltStorey, room: BuiltRoom) -> RoomDimensions:
         for k, wall in enumerate(storey.walls) for plane in wall.planes
         if (length := _length_in(room, plane)) > 0.0
     ]  # fmt: skip
-    flat = [
+    widths: list[RoomWidth] = []
+    tests: list[tuple[tuple[int, ...], Conformity]] = [((k,), plumb(plane, height)) for k, plane, _ in faces]
+    tests += [
         ((k,), test) for k, wall in enumerate(storey.walls) for plane, own in zip(wall.planes, wall.flatness, strict=False)
         if _length_in(room, plane) > 0.0 for test in own
     ]  # fmt: skip
-    widths: list[RoomWidth] = []
-    tests: list[tuple[tuple[int, ...], Conformity]] = [((k,), plumb(plane, height)) for k, plane, _ in faces]
     for i, (a, first, first_length) in enumerate(faces):
         for b, second, second_length in faces[i + 1 :]:
             cosine = float(first.normal @ second.normal)
@@ -69,7 +69,7 @@ def room_dimensions(storey: BuiltStorey, room: BuiltRoom) -> RoomDimensions:
                 tests.append(((a, b), parallelism(first, second, length)))
             elif abs(cosine) < SQUARE_COS:
                 tests.append(((a, b), orthogonality(first, second, length)))
-    return RoomDimensions(tuple(widths), tuple(tests + flat))
+    return RoomDimensions(tuple(widths), tuple(tests))
 
 
 def dimension_rows(result: Reconstruction) -> list[Dimension]:

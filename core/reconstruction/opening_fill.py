@@ -81,7 +81,6 @@ def _end_of(depth: NDArray[np.float64], leaf: float | None) -> Span | None:
         return end, end
     columns = np.flatnonzero(enough) * REVEAL_BIN_M
     if leaf is not None:
-        columns = np.concatenate([[leaf], columns[columns > leaf]])
-    steps = np.diff(columns)
-    wide = steps[steps > 1.5 * REVEAL_BIN_M][-STEPS:]
-    return end, end + float(wide.max(initial=REVEAL_BIN_M))
+        columns = columns[columns > leaf]
+    steps = np.diff(columns)[-STEPS:]
+    return end, end + float(steps.max() if len(steps) else end - (leaf or 0.0))
