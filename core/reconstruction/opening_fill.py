@@ -18,6 +18,7 @@ LEAST_REVEAL_RETURNS = 30
 REVEAL_BIN_M = 0.01
 DENSE_BINS = 2
 """Where returns follow each other this closely at the end of a reveal, its end is the last of them."""
+LEAST_COLUMN = 3
 STEPS = 2
 """Steps between columns of returns from which the spacing at a reveal's end is taken."""
 
@@ -47,10 +48,11 @@ def reveal_depth(c: Crossings, box: Box, band: float) -> tuple[Span | None, floa
     """(depths between which the reveal of the opening ends, depth of a leaf or pane that closes it), metres; None unknown."""
     u0, u1, z0, z1 = box
     deep = (c.depth > band) & (c.depth < 0.9) & (c.u > u0) & (c.u < u1) & (c.z > z0) & (c.z < z1)
-    beside = (np.abs(c.end_u - u0) < 0.01) | (np.abs(c.end_u - u1) < 0.01)
-    beside &= (c.end_z > z0) & (c.end_z < z1)
-    over = (np.abs(c.end_z - z1) < 0.01) & (c.end_u > u0) & (c.end_u < u1)
-    depth = c.depth[deep & (beside | over)]
+    upright, level = deep & (c.end_z > z0) & (c.end_z < z1), deep & (c.end_u > u0) & (c.end_u < u1)
+    reveals = [
+        c.depth[own & (np.abs(off) < 0.01)]
+        for own, off in ((upright, c.end_u - u0), (upright, c.end_u - u1), (level, c.end_z - z1))
+    ]
     inner = deep & (c.end_u > u0 + 0.1) & (c.end_u < u1 - 0.1) & (c.end_z > z0 + 0.1) & (c.end_z < z1 - 0.1)
     leaf: float | None = None
     width, height = max(u1 - u0 - 0.2, 0.05), max(z1 - z0 - 0.2, 0.05)
@@ -60,14 +62,15 @@ def reveal_depth(c: Crossings, box: Box, band: float) -> tuple[Span | None, floa
         cells = np.unique(np.floor(c.end_u[inner] / 0.05) * 10007 + np.floor(c.end_z[inner] / 0.05))
         if bins[max(best - 1, 0) : best + 2].sum() > 0.5 * inner.sum() and len(cells) * 0.0025 > 0.4 * width * height:
             leaf = float(np.median(c.depth[inner & (np.abs(c.depth - (best + 0.5) * 0.01) < 0.02)]))
-    return _end_of(depth, leaf), leaf
+    return _end_of(reveals, leaf), leaf
 
 
-def _end_of(depth: NDArray[np.float64], leaf: float | None) -> Span | None:
+def _end_of(reveals: list[NDArray[np.float64]], leaf: float | None) -> Span | None:
     """Between the deepest return on the reveal and as far again as the next one would lie: the rays' spacing there.
 
     Behind a pane a reveal is seen in a few slanted columns only, and the last of them falls short of its end.
     """
+    depth = np.concatenate(reveals)
     if len(depth) < LEAST_REVEAL_RETURNS:
         return None
     bins = np.bincount((depth / REVEAL_BIN_M).astype(np.int64))
@@ -79,8 +82,9 @@ def _end_of(depth: NDArray[np.float64], leaf: float | None) -> Span | None:
     end = float(np.quantile(tail, 0.98))
     if enough[max(last - DENSE_BINS, 0) : last + 1].all():
         return end, end
-    columns = np.flatnonzero(enough) * REVEAL_BIN_M
-    if leaf is not None:
-        columns = columns[columns > leaf]
-    steps = np.diff(columns)[-STEPS:]
+    side = next(r for r in reveals if ((r / REVEAL_BIN_M).astype(np.int64) == last).any())
+    columns = np.flatnonzero(np.bincount((side / REVEAL_BIN_M).astype(np.int64))[: last + 1] >= LEAST_COLUMN) * REVEAL_BIN_M
+    behind = columns[columns > leaf] if leaf is not None else columns
+    # a single column behind the pane: the spacing is that before it, on the same side
+    steps = np.diff(behind)[-STEPS:] if len(behind) > 1 else np.diff(columns[:-1])
     return end, end + float(steps.max() if len(steps) else end - (leaf or 0.0))

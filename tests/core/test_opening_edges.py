@@ -63,7 +63,8 @@ def test_a_hidden_edge_is_said_to_be_and_its_sigma_covers_where_it_may_be() -> N
 
 
 @pytest.mark.parametrize(("columns", "end"), [
-    ((0.155, 0.235), (0.235, 0.325)), ((0.155, 0.185, 0.235), (0.235, 0.29)), ((0.24, 0.25, 0.26), (0.26, 0.264)),
+    ((0.155, 0.235), (0.235, 0.325)), ((0.155, 0.185, 0.235), (0.235, 0.29)),
+    ((0.24, 0.25, 0.26), (0.26, 0.264)), ((0.235,), (0.235, 0.245)),
 ])
 def test_a_reveal_ends_between_the_last_column_of_returns_and_where_the_next_would_lie(
     columns: tuple[float, ...], end: tuple[float, float]
