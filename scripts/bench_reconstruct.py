@@ -13,6 +13,7 @@ import argparse
 import math
 import tempfile
 import time
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -56,8 +57,9 @@ def main() -> None:
     parser.add_argument("--cases", default=",".join(CASES))
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--step-deg", type=float, default=0.18)
+    parser.add_argument("--keep", metavar="FOLDER", help="leave the truth, the scans and what was found in this folder")
     arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
+    with nullcontext(arguments.keep) if arguments.keep else tempfile.TemporaryDirectory() as folder:
         for name in arguments.cases.split(","):
             truth, built, scan, found = (Path(folder) / f"{name}{end}" for end in ("_truth.ifc", ".ifc", ".e57", "_found.ifc"))
             storeys, turn, shift, level = case(name)

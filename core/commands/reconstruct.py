@@ -17,8 +17,10 @@ def reconstruct_options(values: Values) -> ReconstructOptions:
 
 
 def _reconstruct(values: Values, progress: Progress) -> Outcome:
+    from ..dimensions.table import write_dimensions
     from ..jobs import reconstruct
     from ..reconstruction.compare import compare, comparison_lines, comparison_to_json
+    from ..reconstruction.dimensions import dimension_rows
     from ..reconstruction.report import write_reconstruction_report
     from ..reconstruction.shapes import read_shapes, shapes_of
     from ..reconstruction.summary import reconstruction_to_json, summary_lines
@@ -27,7 +29,7 @@ def _reconstruct(values: Values, progress: Progress) -> Outcome:
 
     options = reconstruct_options(values)
     inputs = [*values["scan"], *([values["compare"]] if values["compare"] else [])]
-    outputs = [values[key] for key in ("out", "json") if values[key]]
+    outputs = [values[key] for key in ("out", "json", "dimensions") if values[key]]
     check_outputs(inputs, outputs)
     if values["report"]:
         check_report(values["report"], (PAGE,), inputs, outputs)
@@ -41,9 +43,13 @@ def _reconstruct(values: Values, progress: Progress) -> Outcome:
         lines += comparison_lines(comparison)
         data["comparison"] = comparison_to_json(comparison)
     lines.append(f"Model: {values['out']}")
+    if values["dimensions"]:
+        lines.append(f"Dimensions: {values['dimensions']}")
 
     def write() -> None:
         write_reconstruction(values["out"], result)
+        if values["dimensions"]:
+            write_dimensions(values["dimensions"], dimension_rows(result))
         if values["report"]:
             write_reconstruction_report(values["report"], result, comparison)
 
@@ -59,6 +65,7 @@ COMMAND = Command(
         Argument("--compare", "reference IFC file that the model is compared with"),
         Argument("--sigma-mm", "standard deviation of one return along its ray, millimetres", float, 2.5),
         ORIGIN,
+        Argument("--dimensions", "CSV file of the rooms' widths and of plumb, square, parallel and flat walls"),
         Argument("--report", "folder for the report (one HTML page)"),
         *COMMON,
     ),

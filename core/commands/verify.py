@@ -36,6 +36,8 @@ def verify_options(values: Values) -> VerifyOptions:
 
 
 def _verify(values: Values, progress: Progress) -> Outcome:
+    from ..dimensions.as_built import as_built_dimensions
+    from ..dimensions.table import dimensions_to_json, write_dimensions
     from ..jobs import verify
     from ..model.write_psets import write_verified_ifc
     from ..report.html import PAGE, TABLE, write_report
@@ -44,16 +46,23 @@ def _verify(values: Values, progress: Progress) -> Outcome:
 
     options = verify_options(values)
     inputs = [values["model"], *values["scan"], *options.dense]
-    outputs = [values[key] for key in ("out", "samples", "json", *exports.KEYS) if values[key]]
+    outputs = [values[key] for key in ("out", "samples", "json", "dimensions", *exports.KEYS) if values[key]]
     check_outputs(inputs, outputs)
     if values["report"]:
         check_report(values["report"], (PAGE, TABLE), inputs, outputs)
     decisions = earlier_decisions(values["model"], values["out"], values["decisions"])
     found = verify(values["model"], values["scan"], options, progress.part(0.0, 0.8))
     result = replace(found, decisions=still_there(decisions, found))
+    data = result_to_json(result)
+    dimensions = None
+    if values["dimensions"]:
+        dimensions = as_built_dimensions(result)
+        data["dimensions"] = dimensions_to_json(dimensions)
     lines = [*summary_lines(result), f"Property sets: {values['out']}"]
     if values["report"]:
         lines.append(f"Report: {Path(values['report']) / PAGE}")
+    if dimensions is not None:
+        lines.append(f"Dimensions: {values['dimensions']}, {len(dimensions)} lines")
     lines += exports.lines(values, result)
 
     def write() -> None:
@@ -61,10 +70,12 @@ def _verify(values: Values, progress: Progress) -> Outcome:
         if values["samples"]:
             write_samples(values["samples"], result)
         if values["report"]:
-            write_report(values["report"], result, progress=progress.part(0.8, 0.9))
+            write_report(values["report"], result, dimensions=dimensions or (), progress=progress.part(0.8, 0.9))
+        if dimensions is not None:
+            write_dimensions(values["dimensions"], dimensions)
         exports.write(values, result, progress.part(0.9, 1.0))
 
-    return Outcome(lines, result_to_json(result), result, write)
+    return Outcome(lines, data, result, write)
 
 
 def summary_lines(result: VerificationResult) -> list[str]:
@@ -113,6 +124,7 @@ COMMAND = Command(
         ORIGIN,
         Argument("--samples", "PLY file of all query positions with their evidence"),
         Argument("--report", "folder for the report (one HTML page, one CSV)"),
+        Argument("--dimensions", "CSV file of rooms and openings as built; --report and --json then have them too"),
         Argument("--decisions", "IFC file with a person's decisions (default: those in MODEL and in an earlier --out)"),
         *exports.ARGUMENTS,
         *COMMON,

@@ -78,11 +78,14 @@ def parallelism(first: Plane, second: Plane, length: float) -> Conformity:
     return Conformity("parallelism", size * length, sigma, p, limit, p_limit)
 
 
-def flatness(plane: Plane, points: Array, kind: str = "finished wall", cell: float = 0.1) -> list[Conformity]:
-    """Gaps under a straightedge in both directions of the plane, for each distance of the table that fits.
+def flatness(
+    plane: Plane, points: Array, kind: str = "finished wall", cell: float = 0.1, shared_sigma: float = 0.0
+) -> list[Conformity]:
+    """Gaps under a straightedge in both directions of the plane, for each distance of the table that the cells resolve.
 
-    Heights are means of cells of ``cell`` metres, so noise is averaged; the gap is that of the middle under the line
-    through two places. The largest of many gaps is tested, with Bonferroni's bound.
+    ``shared_sigma`` [m] is what the mean of a cell may be off by however many points it has. Heights are means of cells of
+    ``cell`` metres, so noise is averaged; the gap is that of the middle under the line through two places. The largest of
+    many gaps is tested, with Bonferroni's bound.
     """
     q = np.asarray(points) - plane.centroid
     at, off = q @ plane.axes.T, q @ plane.normal
@@ -97,7 +100,9 @@ def flatness(plane: Plane, points: Array, kind: str = "finished wall", cell: flo
     within = float(np.sqrt(np.median((square - height**2)[enough]))) if enough.any() else 0.0
     out = []
     for distance, limit in FLATNESS_LIMITS_MM[kind]:
-        step = max(round(distance / cell / 2), 1)
+        step = round(distance / cell / 2)
+        if not step:
+            continue
         gaps, sigmas = [], []
         for axis in (0, 1):
             if shape[axis] <= 2 * step:
@@ -106,7 +111,8 @@ def flatness(plane: Plane, points: Array, kind: str = "finished wall", cell: flo
             ok = good[: -2 * step] & good[step:-step] & good[2 * step :]
             gap = h[step:-step] - 0.5 * (h[: -2 * step] + h[2 * step :])
             with np.errstate(divide="ignore"):
-                sigma = within * np.sqrt(1.0 / n[step:-step] + 0.25 / n[: -2 * step] + 0.25 / n[2 * step :])
+                spread = 1.0 / n[step:-step] + 0.25 / n[: -2 * step] + 0.25 / n[2 * step :]
+                sigma = np.sqrt(within**2 * spread + 1.5 * shared_sigma**2)
             gaps.append(np.abs(gap[ok]))
             sigmas.append(sigma[ok])
         if not gaps or not sum(len(g) for g in gaps):

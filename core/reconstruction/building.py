@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely import Polygon
 
+from ..planes.conformity import Conformity
 from ..planes.fit import Plane
 from .joins import Join
 from .openings import Opening
@@ -54,6 +55,8 @@ class BuiltWall:
     lean_sigma: float = 0.0
     planes: tuple[Plane, ...] = ()
     """Its fitted faces, normals turned to those who saw them."""
+    flatness: tuple[tuple[Conformity, ...], ...] = ()
+    """Tests of each of these faces, for the distances of the measuring points that fit on it."""
 
     @property
     def length(self) -> float:

@@ -18,6 +18,8 @@ CELL_M = 0.06
 FROM_WALL_M = 0.12
 ROW_M = 0.15
 LEAST_HEIGHT_SHARE = 0.75
+TOP_M = 0.15
+"""A column's surface is seen up to this far below the ceiling; a cupboard ends lower."""
 WIDEST_M = 1.3
 NARROWEST_M = 0.08
 ROUND_SHARE = 0.55
@@ -63,7 +65,8 @@ def find_columns(room: Room, upright: Surfels) -> list[ColumnShape]:
     out = []
     for number in range(1, count + 1):
         member = (pieces[cell[:, 0], cell[:, 1]] == number) & tall[cell[:, 0], cell[:, 1]]
-        column = _shape(own.where(member))
+        piece = own.where(member)
+        column = _shape(piece) if len(piece) and room.ceiling - piece.position[:, 2].max() < TOP_M else None
         if column is not None:
             out.append(column)
     return out

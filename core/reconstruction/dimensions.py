@@ -1,4 +1,4 @@
-"""As-built dimensions of rooms, and their walls against plumb, square and parallel (DIN 18202), from the fitted faces."""
+"""As-built dimensions of rooms, and their walls against plumb, square, parallel and flat (DIN 18202), from the fitted faces."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from shapely import Point
 
+from ..dimensions.table import Dimension, conformity, width
 from ..planes.conformity import Conformity, orthogonality, parallelism, plumb
 from ..planes.derived import Estimate, distance_between, level_of_accuracy
 from ..planes.fit import Plane
-from .building import BuiltRoom, BuiltStorey
+from .building import BuiltRoom, BuiltStorey, Reconstruction
 
 ON_FACE_M = 0.03
 """A side of a room this close to a face is the face's."""
@@ -55,6 +56,10 @@ def room_dimensions(storey: BuiltStorey, room: BuiltRoom) -> RoomDimensions:
     ]  # fmt: skip
     widths: list[RoomWidth] = []
     tests: list[tuple[tuple[int, ...], Conformity]] = [((k,), plumb(plane, height)) for k, plane, _ in faces]
+    tests += [
+        ((k,), test) for k, wall in enumerate(storey.walls) for plane, own in zip(wall.planes, wall.flatness, strict=False)
+        if _length_in(room, plane) > 0.0 for test in own
+    ]  # fmt: skip
     for i, (a, first, first_length) in enumerate(faces):
         for b, second, second_length in faces[i + 1 :]:
             cosine = float(first.normal @ second.normal)
@@ -65,6 +70,21 @@ def room_dimensions(storey: BuiltStorey, room: BuiltRoom) -> RoomDimensions:
             elif abs(cosine) < SQUARE_COS:
                 tests.append(((a, b), orthogonality(first, second, length)))
     return RoomDimensions(tuple(widths), tuple(tests))
+
+
+def dimension_rows(result: Reconstruction) -> list[Dimension]:
+    """All rooms of a reconstruction as rows of a table; walls are named by their number in their storey."""
+    rows = []
+    for storey in result.storeys:
+        for number, room in enumerate(storey.rooms, start=1):
+            where, found = f"{storey.name}, room {number}", room_dimensions(storey, room)
+            rows += [width(where, "", "width", _walls(w.walls), w.distance) for w in found.widths]
+            rows += [conformity(where, "", _walls(walls), test) for walls, test in found.tests]
+    return rows
+
+
+def _walls(rows: Sequence[int]) -> tuple[str, ...]:
+    return tuple(f"wall {k + 1}" for k in rows)
 
 
 def _length_in(room: BuiltRoom, plane: Plane) -> float:

@@ -138,6 +138,6 @@ def reveal_edge(
     return EdgePlace(float(np.median(end[here])), float(np.hypot(end[here].std() / np.sqrt(here.sum()), BEAM_M)), True)
 
 
-def hidden_edge(inner: float, outer: float) -> EdgePlace:
-    """Anywhere between what is open and what is solid, both [m]."""
-    return EdgePlace(0.5 * (inner + outer), max(abs(outer - inner) / float(np.sqrt(12.0)), BEAM_M), False)
+def hidden_edge(inner: float, outer: float, cell: float) -> EdgePlace:
+    """Anywhere between what is open and what is solid, both [m], as far as the raster's ``cell`` [m] tells."""
+    return EdgePlace(0.5 * (inner + outer), max(abs(outer - inner), cell) / float(np.sqrt(12.0)), False)

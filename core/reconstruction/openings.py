@@ -12,6 +12,7 @@ from scipy.ndimage import binary_opening, find_objects, label, uniform_filter
 from .crossings import Crossings
 from .opening_edges import (
     JUMP_M,
+    LEAST_CELLS,
     SEEN_CELLS,
     SIDES,
     EdgePlace,
@@ -21,9 +22,11 @@ from .opening_edges import (
     reveal_edge,
     seen_edge,
 )
+from .opening_fill import is_filled
 
-Array = NDArray[np.float64]
 Cells = NDArray[np.int8]
+Rectangle = tuple[int, int, int, int]
+"""Columns from, to, lines from, to; the ends are not in it."""
 
 UNKNOWN, SOLID, OPEN, VOID, HIDDEN = 0, 1, 2, 3, 4
 LEAST_CELL_M = 0.02
@@ -36,18 +39,13 @@ LEAST_FRAMED = 0.5
 """Share of the wall around a hole that must be seen, where nothing came back from the hole itself."""
 DOOR_SILL_M = 0.15
 DOOR_HEIGHT_M = 1.6
-HIDDEN_SILL_M = 0.9
-"""What hides the foot of a door may be this high."""
+EDGE_CELLS = 2
 SAME_HOLE = 0.3
 """Of two openings that share this much of both sides of the smaller one, the larger one stays."""
 LEAST_SEEN_M = 0.14
 """So much of a hole must be seen; what hides the rest must leave room for LEAST_SIDE_M."""
 FLOOR_SIGMA_M = 0.005
 """Of the height at which an opening without a sill ends: that of the floor beside it."""
-RIM_M = (0.02, 0.055)
-"""A frame lies this far inside the edge of its opening; the reveal itself does not."""
-FILLED_SHARE = 0.4
-RIM_BIN_M = 0.04
 
 
 @dataclass(frozen=True)
@@ -77,6 +75,11 @@ class Opening:
     def height(self) -> float:
         """Metres."""
         return self.z1 - self.z0
+
+    @property
+    def foot_hidden(self) -> bool:
+        """Whether it reaches the floor was not seen, so that it may be a door or a window; its kind is then opening."""
+        return self.kind == "opening" and SIDES[2] in self.hidden
 
 
 @dataclass(frozen=True)
@@ -134,15 +137,8 @@ def find_openings(
     state = raster.state
     hole = (state == OPEN) | ((state == VOID) if lost else False)
     hole = binary_opening(hole, np.ones((3, 3), dtype=np.bool_))
-    pieces, _ = label(hole)
     out: list[Opening] = []
-    for number, place in enumerate(find_objects(pieces), start=1):
-        mask = pieces[place] == number
-        if min(mask.shape) * raster.cell < LEAST_SEEN_M or mask.sum() * raster.cell**2 < 0.06:
-            continue
-        rectangle = _rectangle(state, place, mask, raster.cell)
-        if rectangle is None:
-            continue
+    for rectangle in _over_each_other(state, _rectangles(raster, hole)):
         i0, i1, k0, k1 = rectangle
         inner = state[i0:i1, k0:k1]
         counts = {s: int((inner == s).sum()) for s in (SOLID, OPEN, VOID, HIDDEN)}
@@ -156,6 +152,34 @@ def find_openings(
         if opening is not None:
             out.append(opening)
     return _apart(out)
+
+
+def _rectangles(raster: FaceRaster, hole: NDArray[np.bool_]) -> list[Rectangle]:
+    pieces, _ = label(hole)
+    out = []
+    for number, place in enumerate(find_objects(pieces), start=1):
+        mask = pieces[place] == number
+        if min(mask.shape) * raster.cell < LEAST_SEEN_M or mask.sum() * raster.cell**2 < 0.06:
+            continue
+        rectangle = _rectangle(raster.state, place, mask, raster.cell)
+        if rectangle is not None:
+            out.append(rectangle)
+    return out
+
+
+def _over_each_other(state: Cells, rectangles: list[Rectangle]) -> list[Rectangle]:
+    """Above and below a thing that stands before it, one hole has the same sides; no wall is seen between its parts."""
+    out: list[Rectangle] = []
+    for a in sorted(rectangles, key=lambda r: r[2]):
+        for n, b in enumerate(out):
+            i0, i1 = min(a[0], b[0]), max(a[1], b[1])
+            same = max(abs(a[0] - b[0]), abs(a[1] - b[1])) <= EDGE_CELLS and b[3] <= a[2]
+            if same and (state[i0:i1, b[3] : a[2]] == SOLID).sum() < LEAST_CELLS:
+                out[n] = i0, i1, b[2], a[3]
+                break
+        else:
+            out.append(a)
+    return out
 
 
 def _apart(openings: list[Opening]) -> list[Opening]:
@@ -172,7 +196,7 @@ def _apart(openings: list[Opening]) -> list[Opening]:
 
 def _rectangle(
     state: Cells, place: tuple[slice, slice], mask: NDArray[np.bool_], cell: float
-) -> tuple[int, int, int, int] | None:
+) -> Rectangle | None:
     """Rows and columns in which most of what is known is open, however much is hidden."""
     solid = state[place] == SOLID
 
@@ -195,7 +219,7 @@ def _rectangle(
     return i0, i1, k0, k1
 
 
-def _framed(state: Cells, rectangle: tuple[int, int, int, int]) -> float:
+def _framed(state: Cells, rectangle: Rectangle) -> float:
     """The least share of wall that is seen beside the hole, of its sides and top."""
     i0, i1, k0, k1 = rectangle
     strips = [state[max(i0 - 4, 0) : i0, k0:k1], state[i1 : i1 + 4, k0:k1], state[i0:i1, k1 : k1 + 4]]
@@ -204,16 +228,16 @@ def _framed(state: Cells, rectangle: tuple[int, int, int, int]) -> float:
 
 
 def _refined(
-    raster: FaceRaster, sides: list[Crossings], rectangle: tuple[int, int, int, int], floor: float, thickness: float,
+    raster: FaceRaster, sides: list[Crossings], rectangle: Rectangle, floor: float, thickness: float,
     band: float, quality: float,
 ) -> Opening | None:
     cell = raster.cell
     brackets = _brackets(raster, rectangle)
     u0, u1, z0, z1 = (b[0] for b in brackets)
-    below = raster.state[rectangle[0] : rectangle[1], : rectangle[2]]
-    down = z0 - floor < DOOR_SILL_M or (
-        z0 - floor < HIDDEN_SILL_M and z1 - floor > DOOR_HEIGHT_M and (below == SOLID).mean() < 0.1
-    )
+    down = z0 - floor < DOOR_SILL_M
+    foot, sill = (max(round((z - raster.z0) / cell), 0) for z in (floor + DOOR_SILL_M, z0))
+    below = raster.state[_clear_of_edges(*rectangle[:2]), foot:sill] == SOLID
+    wall_below = bool((below.sum(axis=0) >= LEAST_CELLS).any())
     rays = gathered(sides, band)
     near_z = (rays.z > z0 + 0.1 * (z1 - z0)) & (rays.z < z1 - 0.1 * (z1 - z0))
     near_u = (rays.u > u0 + 0.1 * (u1 - u0)) & (rays.u < u1 - 0.1 * (u1 - u0))
@@ -238,31 +262,39 @@ def _refined(
             lower, upper = (z0, z1) if upright else (u0, u1)
             inside = rays.behind & (along_edge > lower) & (along_edge < upper)
             place = reveal_edge(end, along_edge, rays.depth, inside, limits, thickness)
-        found.append(place or hidden_edge(inner, outer))
+        found.append(place or hidden_edge(inner, outer, cell))
+    down = down or (found[2].seen and found[2].at - floor < DOOR_SILL_M)
     if down:
-        found[2] = EdgePlace(floor, FLOOR_SIGMA_M, z0 - floor < DOOR_SILL_M)
+        found[2] = EdgePlace(floor, FLOOR_SIGMA_M, True)
     u0, u1, z0, z1 = (e.at for e in found)
     if u1 - u0 < LEAST_SIDE_M or z1 - z0 < LEAST_SIDE_M:
         return None
-    filled = _is_filled(sides, (u0, u1, z0, z1), thickness, band)
+    filled = is_filled(sides, (u0, u1, z0, z1), thickness, band)
     kind: Literal["door", "window", "opening"] = "window"
     if down and z1 - z0 > DOOR_HEIGHT_M:
         kind = "door" if filled else "opening"
+    elif not found[2].seen and not wall_below and z1 - floor > DOOR_HEIGHT_M:
+        kind = "opening"
     hidden = tuple(name for name, e in zip(SIDES, found, strict=True) if not e.seen)
     sigmas = found[0].sigma, found[1].sigma, found[2].sigma, found[3].sigma
     return Opening(u0, u1, z0, z1, kind, filled, quality, sigmas, hidden)
 
 
-def _brackets(raster: FaceRaster, rectangle: tuple[int, int, int, int]) -> list[tuple[float, float]]:
+def _clear_of_edges(first: int, last: int) -> slice:
+    """The lines of a hole without those that show the wall beside it."""
+    return slice(first + EDGE_CELLS, last - EDGE_CELLS) if last - first > 4 * EDGE_CELLS else slice(first, last)
+
+
+def _brackets(raster: FaceRaster, rectangle: Rectangle) -> list[tuple[float, float]]:
     """For each edge the place up to which it is open, and that from which it is solid [m], hidden parts between them."""
     i0, i1, k0, k1 = rectangle
     hole, solid = raster.state == OPEN, raster.state == SOLID
     jump = max(int(JUMP_M / raster.cell), 1)
     for _ in range(2):
-        u_hole, u_solid = hole[:, k0:k1], solid[:, k0:k1]
+        u_hole, u_solid = hole[:, k0:k1], solid[:, _clear_of_edges(k0, k1)]
         left, right = bracket(u_hole, u_solid, i0, -1, jump), bracket(u_hole, u_solid, i1 - 1, 1, jump)
         i0, i1 = left[0], right[0] + 1
-        z_hole, z_solid = hole[i0:i1].T, solid[i0:i1].T
+        z_hole, z_solid = hole[i0:i1].T, solid[_clear_of_edges(i0, i1)].T
         down, up = bracket(z_hole, z_solid, k0, -1, jump), bracket(z_hole, z_solid, k1 - 1, 1, jump)
         k0, k1 = down[0], up[0] + 1
     c = raster.cell
@@ -270,50 +302,3 @@ def _brackets(raster: FaceRaster, rectangle: tuple[int, int, int, int]) -> list[
         (raster.u0 + left[0] * c, raster.u0 + (left[1] + 1) * c), (raster.u0 + (right[0] + 1) * c, raster.u0 + right[1] * c),
         (raster.z0 + down[0] * c, raster.z0 + (down[1] + 1) * c), (raster.z0 + (up[0] + 1) * c, raster.z0 + up[1] * c),
     ]
-
-
-def _is_filled(sides: list[Crossings], box: tuple[float, float, float, float], thickness: float, band: float) -> bool:
-    """Whether something stands in the hole: along its rim (a frame), or over most of it (a leaf or pane)."""
-    u0, u1, z0, z1 = box
-    height, width = max(int((z1 - z0) / RIM_BIN_M), 1), max(int((u1 - u0) / RIM_BIN_M), 1)
-    rim = np.zeros(2 * height + width, dtype=np.int64)
-    inner = inner_in = 0
-    for c in sides:
-        inside = (c.u > u0) & (c.u < u1) & (c.z > z0) & (c.z < z1) & (c.depth > band)
-        within = inside & (c.depth < thickness + 0.02)
-        gaps = np.stack([c.end_u - u0, u1 - c.end_u, z1 - c.end_z])
-        within &= gaps.min(axis=0) > RIM_M[0]
-        at_rim = within & (gaps.min(axis=0) < RIM_M[1])
-        side = gaps[:, at_rim].argmin(axis=0)
-        up = np.clip(((c.end_z[at_rim] - z0) / RIM_BIN_M).astype(np.int64), 0, height - 1)
-        over = np.clip(((c.end_u[at_rim] - u0) / RIM_BIN_M).astype(np.int64), 0, width - 1)
-        rim += np.bincount(np.choose(side, [up, height + up, 2 * height + over]), minlength=len(rim))
-        inner += int(inside.sum())
-        inner_in += int(within.sum())
-    return bool((rim >= 2).mean() > FILLED_SHARE) or (inner > 20 and inner_in > 0.5 * inner)
-
-
-def reveal_depth(c: Crossings, opening: Opening, band: float) -> tuple[float | None, float | None]:
-    """(depth to which the reveal of an opening goes on, depth of a leaf or pane that closes it), metres; None unknown."""
-    u0, u1, z0, z1 = opening.u0, opening.u1, opening.z0, opening.z1
-    deep = (c.depth > band) & (c.depth < 0.9) & (c.u > u0) & (c.u < u1) & (c.z > z0) & (c.z < z1)
-    beside = (np.abs(c.end_u - u0) < 0.01) | (np.abs(c.end_u - u1) < 0.01)
-    beside &= (c.end_z > z0) & (c.end_z < z1)
-    over = (np.abs(c.end_z - z1) < 0.01) & (c.end_u > u0) & (c.end_u < u1)
-    depth = c.depth[deep & (beside | over)]
-    inner = deep & (c.end_u > u0 + 0.1) & (c.end_u < u1 - 0.1) & (c.end_z > z0 + 0.1) & (c.end_z < z1 - 0.1)
-    leaf: float | None = None
-    width, height = max(u1 - u0 - 0.2, 0.05), max(z1 - z0 - 0.2, 0.05)
-    if inner.sum() > 20:
-        bins = np.bincount((c.depth[inner] / 0.01).astype(np.int64))
-        best = int(np.argmax(bins))
-        cells = np.unique(np.floor(c.end_u[inner] / 0.05) * 10007 + np.floor(c.end_z[inner] / 0.05))
-        if bins[max(best - 1, 0) : best + 2].sum() > 0.5 * inner.sum() and len(cells) * 0.0025 > 0.4 * width * height:
-            leaf = float(np.median(c.depth[inner & (np.abs(c.depth - (best + 0.5) * 0.01) < 0.02)]))
-    if len(depth) < 30:
-        return None, leaf
-    bins = np.bincount((depth / 0.01).astype(np.int64))
-    enough = np.flatnonzero(bins >= max(3.0, 0.05 * np.median(bins[bins > 0])))
-    last = int(enough[-1]) if len(enough) else 0
-    tail = depth[(depth > (last - 1) * 0.01) & (depth < (last + 1) * 0.01)]
-    return (float(np.quantile(tail, 0.98)) if len(tail) else None), leaf

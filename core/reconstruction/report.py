@@ -98,7 +98,7 @@ def _caption(storey: BuiltStorey) -> str:
     assumed = sum(w.fit.thickness_source == ASSUMED for w in storey.walls)
     return (
         f"{len(storey.rooms)} rooms, {len(storey.walls)} walls; light grey: {assumed} walls whose thickness is "
-        "assumed. Doors brown, windows blue, openings without a leaf grey."
+        "assumed. Doors brown, windows blue, openings without a leaf, or whose foot is hidden, grey."
     )
 
 
@@ -130,7 +130,8 @@ def _plan(storey: BuiltStorey) -> Markup:
             across = w.thickness / 2 * _left(w.along)
             ends = [w.start + w.along * u for u in (o.u0, o.u1)]
             corners = [tuple(p) for p in (ends[0] - across, ends[1] - across, ends[1] + across, ends[0] + across)]
-            parts.append(polygon(Polygon(corners), f'fill="{COLORS[o.kind]}"', f"{o.kind}: {o.width:.3f} x {o.height:.3f} m"))
+            name = "door or window, foot hidden" if o.foot_hidden else o.kind
+            parts.append(polygon(Polygon(corners), f'fill="{COLORS[o.kind]}"', f"{name}: {o.width:.3f} x {o.height:.3f} m"))
     parts += [polygon(c.footprint, 'fill="#7a3b3b"', f"Column {k}") for k, c in enumerate(storey.columns, start=1)]
     for k, r in enumerate(storey.rooms, start=1):
         at = r.outline.representative_point()

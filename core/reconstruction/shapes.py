@@ -109,6 +109,7 @@ def _box(product: Any, vertices: Array, triangles: NDArray[np.int64], host: Shap
         doubled = (np.exp(2j * angle[own]) * area[side][own]).sum()
         turn = float(np.angle(doubled) / 2)
         along = np.array([-np.sin(turn), np.cos(turn)])
+        along = along if float(along @ _axis(product)) >= 0 else -along
     else:
         along = np.array([1.0, 0.0])
     across = np.array([-along[1], along[0]])
@@ -125,6 +126,13 @@ def _box(product: Any, vertices: Array, triangles: NDArray[np.int64], host: Shap
         product.GlobalId, product.Name or "", np.append(middle, 0.5 * (z.max() + z.min())), along, length, width,
         float(np.ptp(z)), host.global_id if host else "", _hidden(product),
     )
+
+
+def _axis(product: Any) -> Array:
+    """(2,) x axis of the product in plan: a wall's start and end are named along it."""
+    import ifcopenshell.util.placement
+
+    return np.asarray(ifcopenshell.util.placement.get_local_placement(product.ObjectPlacement)[:2, 0], dtype=np.float64)
 
 
 def _hidden(product: Any) -> tuple[str, ...]:

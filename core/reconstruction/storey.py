@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from shapely import MultiPolygon, Polygon, union_all
 
 from ..planes.cloud import Cloud
+from ..planes.conformity import Conformity, flatness
 from ..planes.derived import Estimate, plumb_deviation
 from ..planes.fit import Plane, fit_plane
 from ..planes.noise import PointNoise
@@ -33,6 +34,9 @@ FIT_POINTS = 20_000
 LEAST_SOLID = 0.12
 """A wall of which less is solid, where anything is known, is no wall: an opening of the whole width, a row of lamps."""
 NOISE_FACTOR = 4.0
+
+
+_Fitted = tuple[FitRecord, tuple[Plane, ...], tuple[tuple[Conformity, ...], ...]]
 
 
 @dataclass
@@ -80,13 +84,13 @@ def reconstruct_storey(
     for w, j in zip(work, joined, strict=True):
         start_u = float(j.start @ w.line.along)
         openings = tuple(_moved(o, -start_u) for o in w.openings)
-        fit, planes = _fit(cloud, w, band, noise)
+        fit, planes, flat = _fit(cloud, w, band, noise)
         lean = plumb_deviation(planes[0]) if planes else Estimate(0.0, 0.0)
         external = all(p.right < 0 for p in w.line.pieces)
         walls.append(
             BuiltWall(j.start, j.end, w.line.thickness, j.footprint, w.base, w.top, openings, j.joins,
                       tuple(sorted(w.line.rooms)), external, fit, lean.value, lean.sigma,
-                      planes)
+                      planes, flat)
         )
     columns = []
     for room in rooms:
@@ -150,8 +154,9 @@ def _moved(o: Opening, by: float) -> Opening:
     return replace(o, u0=o.u0 + by, u1=o.u1 + by)
 
 
-def _fit(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> tuple[FitRecord, tuple[Plane, ...]]:
+def _fit(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> _Fitted:
     planes: list[Plane] = []
+    flat: list[tuple[Conformity, ...]] = []
     for side in work.sides:
         rows = side.row[side.on_face(band)]
         if len(rows) < 30:
@@ -160,13 +165,14 @@ def _fit(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> tuple[Fit
         points = cloud.points[rows].astype(np.float64)
         plane = fit_plane(points, cloud.stations[cloud.station[rows]], noise)
         plane, _ = with_unevenness(plane, points)
+        flat.append(tuple(flatness(plane, points)))
         planes.append(plane.facing(cloud.stations[cloud.station[rows[0]]]))
     known = work.raster.state
     solid = float((known == 1).sum())
     holes = sum(o.width * o.height for o in work.openings) / work.raster.cell**2
     quality = min(1.0, solid / max(known.size - holes, 1.0))
     if not planes:
-        return FitRecord(None, None, quality, None, work.line.source), ()
+        return FitRecord(None, None, quality, None, work.line.source), (), ()
     sigma = [p.position_sigma for p in planes]
     extra = work.line.thickness_sigma / 2
     position = float(np.hypot(np.sqrt(np.sum(np.square(sigma))) / len(sigma), extra))
@@ -174,4 +180,4 @@ def _fit(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> tuple[Fit
         float(np.mean([p.residual_mean for p in planes])), float(np.mean([p.residual_sigma for p in planes])), quality,
         position, work.line.source, sum(p.count for p in planes),
     )
-    return record, tuple(planes)
+    return record, tuple(planes), tuple(flat)

@@ -10,10 +10,13 @@ from .dimensions import dimensions_to_json, room_dimensions
 
 def summary_lines(result: Reconstruction) -> list[str]:
     """For a person."""
-    kinds = [o.kind for s in result.storeys for w in s.walls for o in w.openings]
+    openings = [o for s in result.storeys for w in s.walls for o in w.openings]
+    kinds = [o.kind for o in openings]
+    unclear = sum(o.foot_hidden for o in openings)
     lines = [
         f"{len(result.storeys)} storeys, {result.count('rooms')} rooms, {result.count('walls')} walls, "
-        f"{kinds.count('door')} doors, {kinds.count('window')} windows, {kinds.count('opening')} openings without a leaf, "
+        f"{kinds.count('door')} doors, {kinds.count('window')} windows, "
+        f"{kinds.count('opening') - unclear} openings without a leaf, "
         f"{result.count('columns')} columns from {result.returns:,} returns of {result.stations} stations."
     ]
     sources = [w.fit.thickness_source for s in result.storeys for w in s.walls]
@@ -21,7 +24,8 @@ def summary_lines(result: Reconstruction) -> list[str]:
         f"Thickness of walls: {sources.count(MEASURED)} measured between both faces, {sources.count(REVEAL)} from reveals, "
         f"{sources.count(ASSUMED)} assumed."
     )
-    openings = [o for s in result.storeys for w in s.walls for o in w.openings]
+    if unclear:
+        lines.append(f"Openings whose foot is hidden, so that each may be a door or a window: {unclear}.")
     hidden = sum(len(o.hidden) for o in openings)
     if hidden:
         lines.append(
@@ -61,7 +65,8 @@ def _storey(s: BuiltStorey, origin: list[float]) -> dict[str, Any]:
              "lean_rad": w.lean, "lean_sigma_rad": w.lean_sigma, "rooms": list(w.rooms),
              "openings": [
                  {"kind": o.kind, "from": o.u0, "to": o.u1, "bottom": o.z0 + z, "top": o.z1 + z, "filled": o.filled,
-                  "quality": o.quality, "edge_sigma": list(o.edge_sigma), "hidden_edges": list(o.hidden)}
+                  "quality": o.quality, "edge_sigma": list(o.edge_sigma), "hidden_edges": list(o.hidden),
+                  "foot_hidden": o.foot_hidden}
                  for o in w.openings
              ]}
             for w in s.walls

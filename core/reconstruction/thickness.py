@@ -8,7 +8,8 @@ import numpy as np
 
 from .building import ASSUMED, REVEAL
 from .crossings import Crossings
-from .openings import Opening, reveal_depth
+from .opening_fill import Span, reveal_depth
+from .openings import Opening
 from .walls import WallLine
 
 DEFAULT_M = 0.30
@@ -18,6 +19,7 @@ HALF_LEAF_M = 0.015
 LEAST_M, MOST_M = 0.06, 0.8
 BEHIND_LEAF_M = 0.05
 """A wall goes on at least this far behind the deepest leaf or pane of its kind."""
+SAME_REVEAL_M = 0.02
 REVEAL_SIGMA_M = 0.005
 LEAF_SIGMA_M = 0.05
 BORROWED_SIGMA_M = 0.12
@@ -28,41 +30,59 @@ BORROWED_SIGMA_M = 0.12
 class Hint:
     """What the openings of one wall say of its thickness [m]; None for nothing."""
 
-    reveal: float | None
+    reveal: Span | None
+    """Depths between which a reveal ends that goes on behind the leaf."""
     at_least: float
     leaf: float | None
 
 
 def hint(side: Crossings, openings: list[Opening], band: float) -> Hint:
     """From all openings of a wall."""
-    reveal, least, leaves = None, 0.0, []
+    reveals: list[Span] = []
+    least, leaves = 0.0, []
     for opening in openings:
-        depth, leaf = reveal_depth(side, opening, band)
+        span, leaf = reveal_depth(side, (opening.u0, opening.u1, opening.z0, opening.z1), band)
         if leaf is not None:
             leaves.append(leaf)
-        if depth is None or not LEAST_M < depth < MOST_M or opening.kind != "window":
+        if span is None or not LEAST_M < span[0] < MOST_M or opening.kind != "window":
             continue
-        least = max(least, depth)
-        if leaf is None or depth > leaf + BEYOND_LEAF_M:
-            reveal = max(reveal or 0.0, depth)
+        least = max(least, span[0])
+        if leaf is None or span[0] > leaf + BEYOND_LEAF_M:
+            reveals.append(span)
     # reveals end at the frame in other openings of the same wall: a depth is an end only if nothing goes deeper
-    if reveal is not None and leaves and reveal < min(leaves) + BEYOND_LEAF_M:
-        reveal = None
+    reveals = [r for r in reveals if r[1] >= least and not (leaves and r[0] < min(leaves) + BEYOND_LEAF_M)]
+    reveal = (_common(reveals) or max(reveals)) if reveals else None
     return Hint(reveal, least, float(np.median(leaves)) if leaves else None)
 
 
+def _common(spans: list[Span]) -> Span | None:
+    """What all spans share, within the error of a reveal; None where they tell of several thicknesses."""
+    if not spans:
+        return None
+    low, high = max(s[0] for s in spans), min(s[1] for s in spans)
+    if low > high + REVEAL_SIGMA_M:
+        return None
+    return (low, high) if low < high else (0.5 * (low + high),) * 2
+
+
 def settle(walls: list[WallLine], hints: list[Hint]) -> None:
-    """Give every one-sided wall its thickness, say where it is from, and how far it may be off."""
+    """Give every one-sided wall its thickness, say where it is from, and how far it may be off.
+
+    Where the ends of all reveals of a storey agree, its outer walls are taken to be equally thick.
+    """
     open_walls = [(w, h) for w, h in zip(walls, hints, strict=True) if not w.two_sided]
     reveals = [h.reveal for _, h in open_walls if h.reveal is not None]
-    typical = float(np.median(reveals)) if reveals else None
+    common = _common(reveals)
+    typical = float(np.mean(common)) if common else float(np.median(np.mean(reveals, axis=1))) if reveals else None
     # a leaf or pane is taken to stand in the middle of the wall; walls of a storey that are like each other tell more
     leaves = [h.leaf for _, h in open_walls if h.leaf is not None]
     middle = max(2 * (float(np.median(leaves)) + HALF_LEAF_M), max(leaves) + BEHIND_LEAF_M) if leaves else None
     for wall, h in open_walls:
         wall.source, wall.thickness_sigma = ASSUMED, BORROWED_SIGMA_M
-        if h.reveal is not None and (typical is None or abs(h.reveal - typical) < 0.02 or h.reveal > typical):
-            wall.thickness, wall.source, wall.thickness_sigma = h.reveal, REVEAL, REVEAL_SIGMA_M
+        if h.reveal is not None and (typical is None or h.reveal[1] > typical - SAME_REVEAL_M):
+            span = common or h.reveal
+            wall.thickness, wall.source = float(np.mean(span)), REVEAL
+            wall.thickness_sigma = float(np.hypot(REVEAL_SIGMA_M, (span[1] - span[0]) / np.sqrt(12.0)))
         elif typical is not None and typical >= h.at_least - 0.02:
             wall.thickness = typical
         else:

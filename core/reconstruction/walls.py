@@ -30,6 +30,9 @@ OUTER_SHARE = 0.3
 PLACE_M = 0.15
 ROWS = 100_000
 SHORT_SHARE = 0.5
+LONG_SHARE = 2.0
+"""Seen from one side for more than this many times its length between two rooms, a side goes on as another wall: where a
+building steps back, its outer wall follows in the line of a partition."""
 
 
 @dataclass
@@ -279,7 +282,7 @@ def _same_line(a: Piece, b: Piece) -> bool:
     if a.thickness is None and b_thick is None:
         return same and abs(at - a.near) < SAME_LINE_M
     measured, single = (a, b) if a.thickness is not None else (b, a)
-    one_side = a.face >= 0 and a.face == b.face and a.left == b.left
+    one_side = a.face >= 0 and a.face == b.face and a.left == b.left and single.length < LONG_SHARE * measured.length
     if single.length > SHORT_SHARE * measured.length and not one_side:
         return False
     if same:

@@ -159,6 +159,8 @@ class _Writer:
         f = self.file
         hole = self.api.root.create_entity(f, "IfcOpeningElement", name=f"Opening {name}")
         hole.PredefinedType = "OPENING"
+        if opening.foot_hidden:
+            hole.Description = "A door or a window: its foot is hidden"
         deep = wall.thickness + 2 * THROUGH_M
         self._place(hole, host_place, np.array([opening.u0, -deep / 2, opening.z0 - wall.base]))
         self._body(hole, self._extrude(self._rectangle(0.0, opening.width, 0.0, deep), 0.0, opening.height))

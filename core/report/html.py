@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import base64
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..dimensions.table import COLUMNS, NUMERIC, Dimension, shown
 from ..files import make_folder, whole_file
 from ..progress import Progress
 from ..results import LEVELS, STATUSES, VerificationResult
@@ -43,7 +45,9 @@ OPTION_LABELS = {
 POSE_AXES = ("Rotation x", "Rotation y", "Rotation z", "Shift x", "Shift y", "Shift z")
 
 
-def write_report(folder: str | Path, result: VerificationResult, *, progress: Progress | None = None) -> Path:
+def write_report(
+    folder: str | Path, result: VerificationResult, *, dimensions: Sequence[Dimension] = (), progress: Progress | None = None
+) -> Path:
     """Write ``index.html`` and ``elements.csv`` into ``folder`` (made if missing) and return the path of the page.
 
     The page loads nothing: styles, script, pictures and the CSV are inside, and its content security policy allows
@@ -51,7 +55,7 @@ def write_report(folder: str | Path, result: VerificationResult, *, progress: Pr
     """
     progress = progress or Progress()
     target = make_folder(folder)
-    page = render_page(result, progress=progress)
+    page = render_page(result, dimensions=dimensions, progress=progress)
     with whole_file(target / PAGE) as temporary:
         temporary.write_text(page, encoding="utf-8", errors="replace")
     write_csv(target / TABLE, result)
@@ -59,7 +63,9 @@ def write_report(folder: str | Path, result: VerificationResult, *, progress: Pr
     return target / PAGE
 
 
-def render_page(result: VerificationResult, *, progress: Progress | None = None) -> str:
+def render_page(
+    result: VerificationResult, *, dimensions: Sequence[Dimension] = (), progress: Progress | None = None
+) -> str:
     """The whole page as text."""
     progress = progress or Progress()
     limit = UPPER_BOUND_M[result.options.loa]
@@ -96,6 +102,9 @@ def render_page(result: VerificationResult, *, progress: Progress | None = None)
         classes=sorted({row["class"] for row in rows}),
         storeys=sorted({row["storey"] for row in rows}),
         levels_asked=LEVELS,
+        dimensions=shown(dimensions),
+        dimension_columns=COLUMNS,
+        dimension_numbers=NUMERIC,
         alignment=_alignment(result),
         options=[(OPTION_LABELS.get(k, k), _option_text(v)) for k, v in asdict(result.options).items()],
         csv=base64.b64encode(elements_csv(result)).decode("ascii"),

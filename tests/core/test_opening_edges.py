@@ -14,26 +14,29 @@ from bim_verify.core.reconstruction.building import BuiltRoom, BuiltStorey, Buil
 from bim_verify.core.reconstruction.crossings import Crossings
 from bim_verify.core.reconstruction.dimensions import room_dimensions
 from bim_verify.core.reconstruction.opening_edges import reveal_edge
-from bim_verify.core.reconstruction.openings import face_raster, find_openings
+from bim_verify.core.reconstruction.opening_fill import reveal_depth
+from bim_verify.core.reconstruction.openings import Opening, face_raster, find_openings
 from bim_verify.core.reconstruction.report import write_reconstruction_report
 from bim_verify.core.reconstruction.summary import reconstruction_to_json
+from bim_verify.core.reconstruction.thickness import Hint, settle
+from bim_verify.core.reconstruction.walls import WallLine
 
 BAND = 0.012
 HOLE = (1.0, 2.2, 0.9, 2.1)
 
 
-def rays(hidden: tuple[float, float, float, float] | None) -> Crossings:
+def rays(hidden: tuple[float, float, float, float] | None, hole: tuple[float, float, float, float]) -> Crossings:
     """Rays at right angles to a wall of 4 m by 2.6 m with a hole; what hides stands 0.5 m before it."""
     u, z = (v.ravel() for v in np.meshgrid(np.arange(0.005, 4.0, 0.01), np.arange(0.005, 2.6, 0.01)))
     depth = np.random.default_rng(1).normal(0.0, 0.002, len(u))
-    depth[(u > HOLE[0]) & (u < HOLE[1]) & (z > HOLE[2]) & (z < HOLE[3])] = 3.0
+    depth[(u > hole[0]) & (u < hole[1]) & (z > hole[2]) & (z < hole[3])] = 3.0
     if hidden is not None:
         depth[(u > hidden[0]) & (u < hidden[1]) & (z > hidden[2]) & (z < hidden[3])] = -0.5
     return Crossings(u, z, depth, u, z, np.arange(len(u)))
 
 
-def found(hidden: tuple[float, float, float, float] | None):  # type: ignore[no-untyped-def]
-    side = rays(hidden)
+def found(hidden: tuple[float, float, float, float] | None, hole: tuple[float, float, float, float] = HOLE) -> Opening:
+    side = rays(hidden, hole)
     openings = find_openings(face_raster([side], (0.0, 4.0), (0.0, 2.6), BAND), [side], 0.0, 0.3, BAND, False)
     assert len(openings) == 1
     return openings[0]
@@ -57,6 +60,72 @@ def test_a_hidden_edge_is_said_to_be_and_its_sigma_covers_where_it_may_be() -> N
     assert opening.hidden == ("end",)
     assert opening.edge_sigma[1] == pytest.approx(1.5 / np.sqrt(12), rel=0.1)
     assert abs(opening.u1 - HOLE[1]) < 2 * opening.edge_sigma[1]
+
+
+@pytest.mark.parametrize(("columns", "end"), [
+    ((0.155, 0.235), (0.235, 0.325)), ((0.155, 0.185, 0.235), (0.235, 0.29)),
+    ((0.24, 0.25, 0.26), (0.26, 0.264)), ((0.235,), (0.235, 0.245)),
+])
+def test_a_reveal_ends_between_the_last_column_of_returns_and_where_the_next_would_lie(
+    columns: tuple[float, ...], end: tuple[float, float]
+) -> None:
+    rng = np.random.default_rng(6)
+    before = np.repeat(np.arange(0.02, 0.12, 0.01) + 0.005, 20)
+    depth = np.concatenate([before, np.repeat(columns, 12) + rng.normal(0.0, 0.0005, 12 * len(columns))])
+    z = np.tile(np.linspace(1.0, 2.0, 4), len(depth) // 4 + 1)[: len(depth)]
+    u = np.full(len(depth), 1.05)
+    pane = rng.uniform(1.2, 2.0, 400), rng.uniform(1.05, 1.95, 400)
+    side = Crossings(
+        np.concatenate([u, pane[0]]), np.concatenate([z, pane[1]]), np.concatenate([depth, np.full(400, 0.12)]),
+        np.concatenate([np.full(len(depth), 1.002), pane[0]]), np.concatenate([z, pane[1]]), np.arange(len(depth) + 400),
+    )  # fmt: skip
+    span, leaf = reveal_depth(side, (1.0, 2.2, 0.9, 2.1), BAND)
+    assert span is not None and leaf == pytest.approx(0.12, abs=0.001)
+    assert span == pytest.approx(end, abs=0.011)
+    assert span[0] <= max(columns) + 0.002
+
+
+def test_outer_walls_are_as_thick_as_all_their_reveals_allow() -> None:
+    def walls(*spans: tuple[float, float] | None) -> list[WallLine]:
+        lines = [WallLine(np.array([1.0, 0.0]), 0.0, 0.0, "ASSUMED", 0.0, 5.0) for _ in spans]
+        settle(lines, [Hint(s, 0.1, 0.12) for s in spans])
+        return lines
+
+    same = walls((0.246, 0.326), (0.235, 0.275), None)
+    assert [w.source for w in same] == ["REVEAL", "REVEAL", "ASSUMED"]
+    assert [w.thickness for w in same] == pytest.approx([0.2605] * 3)
+    assert same[0].thickness_sigma < 0.012 < same[2].thickness_sigma
+    other = walls((0.24, 0.24), (0.40, 0.41))
+    assert other[1].thickness == pytest.approx(0.405) and other[1].source == "REVEAL"
+
+
+DOOR = (1.0, 2.0, 0.0, 2.1)
+WINDOW = (1.0, 2.2, 0.4, 2.1)
+
+
+@pytest.mark.parametrize("hole", [DOOR, WINDOW])
+def test_a_hole_whose_foot_is_hidden_is_neither_door_nor_window(hole: tuple[float, float, float, float]) -> None:
+    opening = found((0.5, 3.0, 0.0, 0.8), hole)
+    assert opening.kind == "opening" and opening.foot_hidden
+    assert opening.hidden == ("sill",)
+    assert abs(opening.z0 - hole[2]) <= 2 * opening.edge_sigma[2]
+    assert opening.z1 == pytest.approx(hole[3], abs=0.01)
+
+
+def test_wall_seen_below_a_hidden_sill_says_window() -> None:
+    opening = found((0.5, 3.0, 0.25, 0.8), WINDOW)
+    assert opening.kind == "window" and not opening.foot_hidden
+    assert opening.hidden == ("sill",)
+    assert opening.z0 - 2 * opening.edge_sigma[2] < WINDOW[2] < opening.z0 + 2 * opening.edge_sigma[2]
+
+
+@pytest.mark.parametrize("hidden", [(0.5, 3.0, 0.3, 0.8), (1.3, 3.0, 0.0, 0.8)])
+def test_a_hole_seen_down_to_the_floor_beside_or_below_what_hides_it_is_not_in_doubt(
+    hidden: tuple[float, float, float, float],
+) -> None:
+    opening = found(hidden, DOOR)
+    assert not opening.foot_hidden and "sill" not in opening.hidden
+    assert opening.z0 == pytest.approx(0.0, abs=0.01)
 
 
 def test_an_open_leaf_is_no_reveal() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,7 +35,8 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     scanner = replace(PRESETS["fast"], angular_step=float(np.radians(0.3)), sigma_range=0.002, sigma_signal=0.0)
     set_ups = tuple(set_up(f"S{k}", p - model.origin, 3, k) for k, p in enumerate(positions))
     scan_to_files(Campaign(model, scanner, set_ups, {}, (), 3, glass="clear"), scan, None)
-    assert main(["reconstruct", str(scan), "--out", str(found), "--quiet"]) == 0
+    table = str(folder / "dimensions.csv")
+    assert main(["reconstruct", str(scan), "--out", str(found), "--dimensions", table, "--quiet"]) == 0
     return found, truth
 
 
@@ -75,6 +77,17 @@ def test_openings_say_how_surely_their_edges_are_known(built: tuple[Path, Path])
         hidden = [] if properties["HiddenEdges"] == "none" else properties["HiddenEdges"].split(", ")
         assert set(hidden) <= set(names)
         assert all(0.0 < properties[name] < 0.02 for edge, name in names.items() if edge not in hidden)
+
+
+def test_the_table_of_dimensions_has_every_room(built: tuple[Path, Path]) -> None:
+    with (built[0].parent / "dimensions.csv").open(encoding="utf-8-sig", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert {r["Where"][-6:] for r in rows} == {f"room {k}" for k in range(1, 5)}
+    kinds = {r["What"].split()[0] for r in rows}
+    assert kinds == {"width", "plumb", "orthogonality", "parallelism", "flatness"}
+    widths = [float(r["AsBuilt_mm"]) for r in rows if r["What"] == "width"]
+    for planned in (2560.0, 3525.0):  # the bath from west to east, the bedroom from south to north
+        assert min(abs(w - planned) for w in widths) < 3.0
 
 
 def test_a_model_equals_itself(built: tuple[Path, Path]) -> None:

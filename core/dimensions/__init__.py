@@ -1,0 +1,1 @@
+"""As-built dimensions of rooms and openings, with their tests."""

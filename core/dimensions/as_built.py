@@ -1,0 +1,185 @@
+"""As-built dimensions of the rooms and openings of a model, from the deviations of its faces that a verification measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BimVerifyError
+from ..planes.conformity import flatness, orthogonality, parallelism, plumb
+from ..planes.derived import Estimate, distance_between
+from ..planes.fit import Plane, fit_plane
+from ..planes.noise import PointNoise
+from ..planes.unevenness import with_unevenness
+from ..results import VerificationResult
+from .regions import Region, read_regions
+from .table import Dimension, conformity, width
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+BOUNDING = ("IfcWall", "IfcSlab", "IfcRoof", "IfcCovering", "IfcCurtainWall", "IfcColumn")
+"""Classes (and what derives from their names) whose faces bound a room."""
+BEFORE_FACE_M = 0.05
+"""So far before a face lies the room that it bounds."""
+BESIDE_OPENING_M = 0.01
+LEAST_SAMPLES = 20
+LEAST_SPAN_M = 0.05
+"""A face is fixed against turning only if it was seen over this much in both directions."""
+LEAST_OVERLAP_M = 0.02
+OPPOSITE_COS = -np.cos(np.radians(5.0))
+SQUARE_COS = np.sin(np.radians(5.0))
+UPRIGHT = np.sin(np.radians(5.0))
+NORMAL_STEP, OFFSET_STEP_M = 0.01, 0.005
+"""Planned places are of one face where their normals agree to this, and no step in offset is larger."""
+
+
+@dataclass(frozen=True)
+class Face:
+    """A plane face of an element as it was planned and as it was measured. Local frame, metres."""
+
+    element: int
+    normal: Array
+    """(3,) planned, outward."""
+    place: Array
+    """(3,) on the planned face."""
+    plane: Plane
+    points: Array
+    """(N, 3) measured."""
+    sigma: float
+    """Of one sample's deviation, median [m]."""
+
+
+def as_built_dimensions(result: VerificationResult) -> list[Dimension]:
+    """Clear widths and heights of every space and opening of the model's file, and tests of the faces of the spaces.
+
+    Only faces that were measured are used. Raises BimVerifyError when the model's file cannot be read.
+    """
+    spaces, openings = read_regions(result.model.path, result.model.origin)
+    names = [e.name or e.global_id for e in result.model.elements]
+    rows: list[Dimension] = []
+    bounds = np.array([e.ifc_class.startswith(BOUNDING) for e in result.model.elements], dtype=np.bool_)
+    position, normal = result.samples.position, result.samples.normal
+    measured = np.isfinite(result.evidence.deviation) & result.samples.exposed
+    shared = _registration(result)
+    before = position + BEFORE_FACE_M * normal
+    for space in spaces:
+        chosen = np.flatnonzero(measured & bounds[result.samples.element])
+        chosen = chosen[space.holds(before[chosen])]
+        rows += _room(space, _faces(result, chosen), names, shared)
+    host = {e.global_id: k for k, e in enumerate(result.model.elements)}
+    first = result.samples.first_of(len(names))
+    for opening in openings:
+        if (element := host.get(opening.host)) is None:
+            continue
+        own = np.arange(first[element], first[element + 1])
+        own = own[measured[own]]
+        own = own[opening.holds(position[own], BESIDE_OPENING_M) & opening.holds(before[own])]
+        rows += _widths(opening, _faces(result, own), names, shared, lambda f: "height" if abs(f.normal[2]) > 0.5 else "width")
+    return rows
+
+
+def _registration(result: VerificationResult) -> float:
+    """Of two faces that different stations saw [m]."""
+    if len(result.stations) < 2:
+        return 0.0
+    return float(np.sqrt(2.0)) * max(s.registration_sigma for s in result.stations)
+
+
+def _faces(result: VerificationResult, rows: Rows) -> list[Face]:
+    """The planes that rows of the samples lie on, element by element."""
+    if not len(rows):
+        return []
+    samples = result.samples
+    normal = samples.normal[rows]
+    offset = np.einsum("ij,ij->i", normal, samples.position[rows])
+    key = np.column_stack([samples.element[rows], np.round(normal / NORMAL_STEP).astype(np.int64)])
+    _, direction = np.unique(key, axis=0, return_inverse=True)
+    direction = direction.ravel()
+    order = np.lexsort((offset, direction))
+    cut = (np.diff(direction[order]) != 0) | (np.diff(offset[order]) > OFFSET_STEP_M)
+    parts = np.split(rows[order], np.flatnonzero(cut) + 1)
+    return [face for part in parts if (face := _face(result, part)) is not None]
+
+
+def _face(result: VerificationResult, rows: Rows) -> Face | None:
+    if len(rows) < LEAST_SAMPLES:
+        return None
+    samples, evidence = result.samples, result.evidence
+    normal = samples.normal[rows].mean(axis=0)
+    normal /= np.linalg.norm(normal)
+    place = samples.position[rows]
+    points = place + evidence.deviation[rows, None].astype(np.float64) * samples.normal[rows]
+    sigma = float(np.nanmedian(evidence.sigma[rows]))
+    if not np.isfinite(sigma):
+        return None
+    try:
+        # a sample's error lies along the normal: as if it were seen from straight before the face
+        plane = fit_plane(points, points + normal, PointNoise(max(sigma, 1e-6), 0.0, 0.0))
+    except BimVerifyError:
+        return None
+    if min(np.ptp((points - plane.centroid) @ plane.axes.T, axis=0)) < LEAST_SPAN_M or abs(plane.normal @ normal) < 0.9:
+        return None
+    plane, _ = with_unevenness(plane, points)
+    plane = plane.facing(plane.centroid + normal)
+    return Face(int(samples.element[rows[0]]), normal, place.mean(axis=0), plane, points, sigma)
+
+
+def _room(space: Region, faces: list[Face], names: Sequence[str], shared: float) -> Iterator[Dimension]:
+    yield from _widths(space, faces, names, shared, lambda f: "height" if abs(f.normal[2]) > 0.5 else "width")
+    upright = [f for f in faces if abs(f.normal[2]) < UPRIGHT]
+    for face in faces:
+        between = (names[face.element],)
+        if abs(face.normal[2]) < UPRIGHT:
+            tall = float(np.ptp(face.points[:, 2]))
+            yield conformity(space.name, space.global_id, between, plumb(face.plane, tall))
+        kind = "finished floor" if face.normal[2] > 0.9 else "finished wall"
+        for test in flatness(face.plane, face.points, kind, shared_sigma=face.sigma):
+            yield conformity(space.name, space.global_id, between, test)
+    for i, a in enumerate(upright):
+        for b in upright[i + 1 :]:
+            cosine = float(a.normal @ b.normal)
+            both = (names[a.element], names[b.element])
+            length = min(_length(a), _length(b))
+            if abs(cosine) > -OPPOSITE_COS and _overlap(a, b) is not None:
+                yield conformity(space.name, space.global_id, both, parallelism(a.plane, b.plane, length))
+            elif abs(cosine) < SQUARE_COS:
+                yield conformity(space.name, space.global_id, both, orthogonality(a.plane, b.plane, length))
+
+
+def _widths(
+    region: Region, faces: list[Face], names: Sequence[str], shared: float, what: Callable[[Face], str]
+) -> Iterator[Dimension]:
+    for i, a in enumerate(faces):
+        for b in faces[i + 1 :]:
+            if a.normal @ b.normal > OPPOSITE_COS:
+                continue
+            planned = float((b.place - a.place) @ a.normal)
+            place = _overlap(a, b)
+            if planned <= 0.0 or place is None:
+                continue
+            found = distance_between(a.plane, b.plane, place)
+            found = Estimate(found.value, float(np.hypot(found.sigma, shared if a.element != b.element else 0.0)))
+            between = (names[a.element], names[b.element]) if a.element != b.element else (names[a.element],)
+            yield width(region.name, region.global_id, what(a), between, found, planned)
+
+
+def _overlap(a: Face, b: Face) -> Array | None:
+    """(3,) middle of where two faces look at each other; None where they do not."""
+    axes = a.plane.axes
+    first, second = a.points @ axes.T, b.points @ axes.T
+    low = np.maximum(first.min(axis=0), second.min(axis=0))
+    high = np.minimum(first.max(axis=0), second.max(axis=0))
+    if (high - low).min() < LEAST_OVERLAP_M:
+        return None
+    across = 0.5 * float((a.plane.centroid + b.plane.centroid) @ a.plane.normal)
+    return np.asarray(0.5 * (low + high) @ axes + across * a.plane.normal)
+
+
+def _length(face: Face) -> float:
+    """Level length that was seen [m]."""
+    level = np.array([-face.normal[1], face.normal[0], 0.0])
+    return float(np.ptp(face.points @ (level / np.linalg.norm(level))))

@@ -1,0 +1,99 @@
+"""Dimensions and tests as rows: for the CSV file, the JSON file and the report alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ..files import whole_file
+from ..planes.conformity import Conformity
+from ..planes.derived import Estimate, level_of_accuracy
+from ..report.csv_out import csv_bytes, guard
+
+HEADER = (
+    "Where", "GlobalId", "What", "Between", "Planned_mm", "AsBuilt_mm", "Sigma_mm", "Low95_mm", "High95_mm", "LOA",
+    "PValue", "Limit_mm", "PLimit", "Exceeds",
+)  # fmt: skip
+COLUMNS = ("Where", "What", "Between", "Planned mm", "As built mm", "± mm", "p", "Limit mm", "LOA, or limit")
+NUMERIC = frozenset({3, 4, 5, 6, 7})
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A clear width or height, or a test of DIN 18202 as an offset. Metres."""
+
+    where: str
+    """Name of the room or the opening."""
+    global_id: str
+    """Of the space or the opening; empty where there is none."""
+    what: str
+    """width, height, or the name of a test."""
+    between: tuple[str, ...]
+    """The elements whose faces were used."""
+    planned: float | None
+    value: float
+    sigma: float
+    interval_95: tuple[float, float]
+    loa: str | None
+    p_value: float | None
+    """Of no difference from the plan, or of no deviation at all; None where no plan is known."""
+    limit: float | None = None
+    p_limit: float | None = None
+    """Of keeping the limit."""
+    exceeds: bool | None = None
+
+
+def width(
+    where: str, global_id: str, what: str, between: tuple[str, ...], found: Estimate, planned: float | None = None
+) -> Dimension:
+    """A row for a clear distance."""
+    p = None if planned is None else found.p_value(planned)
+    level = level_of_accuracy(found.sigma)
+    return Dimension(where, global_id, what, between, planned, found.value, found.sigma, found.interval, level, p)
+
+
+def conformity(where: str, global_id: str, between: tuple[str, ...], test: Conformity) -> Dimension:
+    """A row for a test."""
+    interval = Estimate(test.value, test.sigma).interval
+    return Dimension(
+        where, global_id, test.name, between, None, test.value, test.sigma, interval, None, test.p_value, test.limit,
+        test.p_limit, test.exceeds,
+    )
+
+
+def dimensions_to_json(rows: Sequence[Dimension]) -> list[dict[str, Any]]:
+    """Plain values, metres."""
+    return [{**asdict(row), "between": list(row.between), "interval_95": list(row.interval_95)} for row in rows]
+
+
+def write_dimensions(path: str | Path, rows: Sequence[Dimension]) -> None:
+    """One line a row, UTF-8 with a byte order mark, millimetres; BimVerifyError when ``path`` cannot be written."""
+    def mm(value: float | None) -> str:
+        return "" if value is None else f"{1000 * value:.2f}"
+
+    def share(value: float | None) -> str:
+        return "" if value is None else f"{value:.4f}"
+
+    lines = [
+        (guard(r.where), guard(r.global_id), r.what, guard("; ".join(r.between)), mm(r.planned), mm(r.value), mm(r.sigma),
+         *(mm(v) for v in r.interval_95), r.loa or "", share(r.p_value), mm(r.limit), share(r.p_limit),
+         "" if r.exceeds is None else str(r.exceeds).upper())
+        for r in rows
+    ]  # fmt: skip
+    with whole_file(path) as temporary:
+        temporary.write_bytes(csv_bytes(HEADER, lines))
+
+
+def shown(rows: Sequence[Dimension]) -> list[tuple[str, ...]]:
+    """Cells under ``COLUMNS`` for a report."""
+    def mm(value: float | None, digits: int = 1) -> str:
+        return "" if value is None else f"{1000 * value:.{digits}f}"
+
+    return [
+        (r.where, r.what, ", ".join(r.between), mm(r.planned), mm(r.value), f"{1960 * r.sigma:.1f}",
+         "" if r.p_value is None else f"{r.p_value:.3f}", mm(r.limit, 0),
+         r.loa or ("exceeded" if r.exceeds else "kept"))
+        for r in rows
+    ]  # fmt: skip

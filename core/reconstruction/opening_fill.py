@@ -1,0 +1,90 @@
+"""What stands in an opening, and how deep its reveal goes on. A box is u0, u1, z0, z1 on the face [m]."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .crossings import Crossings
+
+Box = tuple[float, float, float, float]
+Span = tuple[float, float]
+
+RIM_M = (0.02, 0.055)
+"""A frame lies this far inside the edge of its opening; the reveal itself does not."""
+FILLED_SHARE = 0.4
+RIM_BIN_M = 0.04
+LEAST_REVEAL_RETURNS = 30
+REVEAL_BIN_M = 0.01
+DENSE_BINS = 2
+"""Where returns follow each other this closely at the end of a reveal, its end is the last of them."""
+LEAST_COLUMN = 3
+STEPS = 2
+"""Steps between columns of returns from which the spacing at a reveal's end is taken."""
+
+
+def is_filled(sides: list[Crossings], box: Box, thickness: float, band: float) -> bool:
+    """Whether something stands in the hole: along its rim (a frame), or over most of it (a leaf or pane)."""
+    u0, u1, z0, z1 = box
+    height, width = max(int((z1 - z0) / RIM_BIN_M), 1), max(int((u1 - u0) / RIM_BIN_M), 1)
+    rim = np.zeros(2 * height + width, dtype=np.int64)
+    inner = inner_in = 0
+    for c in sides:
+        inside = (c.u > u0) & (c.u < u1) & (c.z > z0) & (c.z < z1) & (c.depth > band)
+        within = inside & (c.depth < thickness + 0.02)
+        gaps = np.stack([c.end_u - u0, u1 - c.end_u, z1 - c.end_z])
+        within &= gaps.min(axis=0) > RIM_M[0]
+        at_rim = within & (gaps.min(axis=0) < RIM_M[1])
+        side = gaps[:, at_rim].argmin(axis=0)
+        up = np.clip(((c.end_z[at_rim] - z0) / RIM_BIN_M).astype(np.int64), 0, height - 1)
+        over = np.clip(((c.end_u[at_rim] - u0) / RIM_BIN_M).astype(np.int64), 0, width - 1)
+        rim += np.bincount(np.choose(side, [up, height + up, 2 * height + over]), minlength=len(rim))
+        inner += int(inside.sum())
+        inner_in += int(within.sum())
+    return bool((rim >= 2).mean() > FILLED_SHARE) or (inner > 20 and inner_in > 0.5 * inner)
+
+
+def reveal_depth(c: Crossings, box: Box, band: float) -> tuple[Span | None, float | None]:
+    """(depths between which the reveal of the opening ends, depth of a leaf or pane that closes it), metres; None unknown."""
+    u0, u1, z0, z1 = box
+    deep = (c.depth > band) & (c.depth < 0.9) & (c.u > u0) & (c.u < u1) & (c.z > z0) & (c.z < z1)
+    upright, level = deep & (c.end_z > z0) & (c.end_z < z1), deep & (c.end_u > u0) & (c.end_u < u1)
+    reveals = [
+        c.depth[own & (np.abs(off) < 0.01)]
+        for own, off in ((upright, c.end_u - u0), (upright, c.end_u - u1), (level, c.end_z - z1))
+    ]
+    inner = deep & (c.end_u > u0 + 0.1) & (c.end_u < u1 - 0.1) & (c.end_z > z0 + 0.1) & (c.end_z < z1 - 0.1)
+    leaf: float | None = None
+    width, height = max(u1 - u0 - 0.2, 0.05), max(z1 - z0 - 0.2, 0.05)
+    if inner.sum() > 20:
+        bins = np.bincount((c.depth[inner] / 0.01).astype(np.int64))
+        best = int(np.argmax(bins))
+        cells = np.unique(np.floor(c.end_u[inner] / 0.05) * 10007 + np.floor(c.end_z[inner] / 0.05))
+        if bins[max(best - 1, 0) : best + 2].sum() > 0.5 * inner.sum() and len(cells) * 0.0025 > 0.4 * width * height:
+            leaf = float(np.median(c.depth[inner & (np.abs(c.depth - (best + 0.5) * 0.01) < 0.02)]))
+    return _end_of(reveals, leaf), leaf
+
+
+def _end_of(reveals: list[NDArray[np.float64]], leaf: float | None) -> Span | None:
+    """Between the deepest return on the reveal and as far again as the next one would lie: the rays' spacing there.
+
+    Behind a pane a reveal is seen in a few slanted columns only, and the last of them falls short of its end.
+    """
+    depth = np.concatenate(reveals)
+    if len(depth) < LEAST_REVEAL_RETURNS:
+        return None
+    bins = np.bincount((depth / REVEAL_BIN_M).astype(np.int64))
+    enough = bins >= max(3.0, 0.05 * np.median(bins[bins > 0]))
+    if not enough.any():
+        return None
+    last = int(np.flatnonzero(enough)[-1])
+    tail = depth[(depth > (last - 1) * REVEAL_BIN_M) & (depth < (last + 1) * REVEAL_BIN_M)]
+    end = float(np.quantile(tail, 0.98))
+    if enough[max(last - DENSE_BINS, 0) : last + 1].all():
+        return end, end
+    side = next(r for r in reveals if ((r / REVEAL_BIN_M).astype(np.int64) == last).any())
+    columns = np.flatnonzero(np.bincount((side / REVEAL_BIN_M).astype(np.int64))[: last + 1] >= LEAST_COLUMN) * REVEAL_BIN_M
+    behind = columns[columns > leaf] if leaf is not None else columns
+    # a single column behind the pane: the spacing is that before it, on the same side
+    steps = np.diff(behind)[-STEPS:] if len(behind) > 1 else np.diff(columns[:-1])
+    return end, end + float(steps.max() if len(steps) else end - (leaf or 0.0))

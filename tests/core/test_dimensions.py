@@ -1,0 +1,155 @@
+"""Dimensions of a model's room and window as built: from the IFC file and a scan to CSV, JSON and the report."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from shapely import box
+
+from bim_verify.cli import main
+from bim_verify.core.dimensions.regions import Region, read_regions
+from bim_verify.core.dimensions.table import HEADER, conformity, width, write_dimensions
+from bim_verify.core.model.load import load_model
+from bim_verify.core.planes.conformity import Conformity, flatness
+from bim_verify.core.planes.derived import Estimate
+from bim_verify.core.planes.fit import fit_plane
+from bim_verify.core.planes.noise import PointNoise
+from bim_verify.core.simulation.campaign import Campaign, scan_to_files, set_up
+from bim_verify.core.simulation.scanner import PRESETS
+from bim_verify.core.simulation.scene import Edit
+
+from .model_files import ModelFile, at
+
+OUT_M = 0.015
+"""The north wall stands this far off."""
+WIDE, DEEP, HIGH = 4.0, 3.0, 2.5
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[dict[str, Any]], Path]:
+    """(dimensions of the JSON file, folder of the results) of a room 1000 km away, in feet and turned."""
+    folder = tmp_path_factory.mktemp("dimensions")
+    made = ModelFile("IFC4", "foot")
+    base = at(800_000.0, 600_000.0, 90.0, 25.0)
+    thick = 0.25
+    made.product("IfcSlab", "floor", made.box(WIDE + 0.5, DEEP + 0.5, 0.2), base @ at(-0.25, -0.25, -0.2))
+    made.product("IfcSlab", "slab", made.box(WIDE + 0.5, DEEP + 0.5, 0.2), base @ at(-0.25, -0.25, HIGH))
+    walls = {
+        "south": ((WIDE, thick), (0.0, -thick)), "north": ((WIDE, thick), (0.0, DEEP)),
+        "west": ((thick, DEEP), (-thick, 0.0)), "east": ((thick, DEEP), (WIDE, 0.0)),
+    }
+    things = {
+        name: made.product("IfcWall", name, made.box(*size, HIGH), base @ at(*place)) for name, (size, place) in walls.items()
+    }
+    made.opening(things["south"], made.box(1.2, thick + 0.2, 1.1), base @ at(1.5, -thick - 0.1, 0.9))
+    made.product("IfcSpace", "=1+1", made.box(WIDE, DEEP, HIGH), base, into=False)
+    made.file.write(str(folder / "room.ifc"))
+    model = load_model(folder / "room.ifc", cache=False)
+    off = base[:3, :3] @ np.array([0.0, 1.0, 0.0])
+    row = [e.global_id for e in model.elements].index(things["north"].GlobalId)
+    edits = {row: Edit("shift", OUT_M, tuple(off.tolist()))}
+    stations = [base @ np.array([*p, 1.0]) for p in ((1.3, 1.4, 1.5), (2.8, 1.9, 1.4))]
+    set_ups = tuple(set_up(f"S{k}", p[:3] - model.origin, 5, k) for k, p in enumerate(stations))
+    scanner = replace(PRESETS["fast"], angular_step=float(np.radians(0.5)), sigma_range=0.001, sigma_signal=0.0)
+    scan_to_files(Campaign(model, scanner, set_ups, edits, (), 5), folder / "room.e57", None)
+    arguments = [
+        "verify", str(folder / "room.ifc"), str(folder / "room.e57"), "--out", str(folder / "out.ifc"), "--sigma-mm", "1.0",
+        "--spacing-mm", "50", "--dimensions", str(folder / "dimensions.csv"), "--json", str(folder / "out.json"),
+        "--report", str(folder / "report"), "--quiet",
+    ]  # fmt: skip
+    assert main(arguments) == 0
+    return json.loads((folder / "out.json").read_text(encoding="ascii"))["dimensions"], folder
+
+
+def of(rows: list[dict[str, Any]], what: str, *between: str) -> Iterator[dict[str, Any]]:
+    return (r for r in rows if r["what"] == what and sorted(r["between"]) == sorted(between))
+
+
+def test_the_room_is_as_wide_as_it_was_built_and_the_plan_is_told_apart(told: tuple[list[dict[str, Any]], Path]) -> None:
+    rows, _ = told
+    (across,) = of(rows, "width", "south", "north")
+    (along,) = of(rows, "width", "west", "east")
+    (height,) = of(rows, "height", "floor", "slab")
+    for row, planned, built in ((across, DEEP, DEEP + OUT_M), (along, WIDE, WIDE), (height, HIGH, HIGH)):
+        assert row["where"] == "=1+1"
+        assert row["planned"] == pytest.approx(planned, abs=1e-6)
+        assert abs(row["value"] - built) < 3 * row["sigma"] < 0.006
+        assert row["interval_95"][0] < row["value"] < row["interval_95"][1]
+    assert across["p_value"] < 1e-6
+    assert along["p_value"] > 0.01 and height["p_value"] > 0.01
+
+
+def test_a_window_has_its_clear_width_and_height(told: tuple[list[dict[str, Any]], Path]) -> None:
+    rows, _ = told
+    own = [r for r in rows if r["where"] == "Opening"]
+    assert {r["what"] for r in own} == {"width", "height"}
+    for row in own:
+        assert row["between"] == ["south"]
+        assert row["planned"] == pytest.approx({"width": 1.2, "height": 1.1}[row["what"]], abs=1e-6)
+        assert abs(row["value"] - row["planned"]) < 3 * row["sigma"] + 0.001
+
+
+def test_walls_are_tested_for_plumb_square_parallel_and_flat(told: tuple[list[dict[str, Any]], Path]) -> None:
+    rows, _ = told
+    tests = [r for r in rows if r["limit"] is not None]
+    assert {r["what"].split()[0] for r in tests} == {"plumb", "orthogonality", "parallelism", "flatness"}
+    assert sum(r["what"] == "plumb" for r in tests) == 4
+    assert sum(r["what"] == "orthogonality" for r in tests) == 4
+    assert sum(r["what"] == "parallelism" for r in tests) == 2
+    assert not any(r["exceeds"] for r in tests)
+    assert all(0.0 <= r["p_limit"] <= 1.0 and 0.0 <= r["p_value"] <= 1.0 for r in tests)
+
+
+def test_csv_and_report_say_the_same(told: tuple[list[dict[str, Any]], Path]) -> None:
+    rows, folder = told
+    with (folder / "dimensions.csv").open(encoding="utf-8-sig", newline="") as stream:
+        table = list(csv.DictReader(stream))
+    assert len(table) == len(rows)
+    assert table[0]["Where"] == "'=1+1"  # no formula for a spreadsheet
+    assert float(table[0]["AsBuilt_mm"]) == pytest.approx(1000 * rows[0]["value"], abs=0.006)
+    page = (folder / "report" / "index.html").read_text(encoding="utf-8")
+    assert "Dimensions as built" in page and page.count("orthogonality") == 4
+
+
+def test_a_wall_with_a_bump_is_not_flat() -> None:
+    rng = np.random.default_rng(4)
+    points = rng.random((60_000, 3)) * (4.0, 0.0, 2.5)
+    away = (points[:, 0] - 2.0) ** 2 + (points[:, 2] - 1.2) ** 2
+    points[:, 1] = 0.02 * np.exp(-away / 0.3) + rng.normal(0.0, 0.001, len(points))
+    plane = fit_plane(points, points + np.array([0.0, 1.0, 0.0]), PointNoise(0.001, 0.0, 0.0))
+    tests = {t.name: t for t in flatness(plane, points)}
+    assert "flatness 0.1 m" not in tests  # cells of 0.1 m cannot tell
+    assert tests["flatness 1 m"].exceeds
+    assert not {t.name: t for t in flatness(plane, points, shared_sigma=0.01)}["flatness 1 m"].exceeds
+
+
+def test_regions_of_a_file_and_what_lies_in_them(told: tuple[list[dict[str, Any]], Path]) -> None:
+    _, folder = told
+    spaces, openings = read_regions(folder / "room.ifc", np.zeros(3))
+    assert [s.name for s in spaces] == ["=1+1"] and len(openings) == 1 and openings[0].host
+    assert spaces[0].outline.area == pytest.approx(WIDE * DEEP, rel=1e-6)
+    region = Region("", "", box(0, 0, 2, 1), 0.0, 2.0)
+    places = np.array([[1.0, 0.5, 1.0], [1.0, 1.05, 1.0], [1.0, 0.5, 2.05]])
+    assert region.holds(places).tolist() == [True, False, False]
+    assert region.holds(places, 0.1).tolist() == [True, True, True]
+
+
+def test_a_table_without_a_plan_leaves_it_open(tmp_path: Path) -> None:
+    rows = [
+        width("Room", "", "width", ("wall 1", "wall 2"), Estimate(3.0, 0.001)),
+        conformity("Room", "", ("wall 1",), Conformity("plumb", 0.004, 0.001, 0.001, 0.008, 0.99)),
+    ]
+    write_dimensions(tmp_path / "d.csv", rows)
+    with (tmp_path / "d.csv").open(encoding="utf-8-sig", newline="") as stream:
+        first, second = csv.DictReader(stream)
+    assert tuple(first) == HEADER
+    assert first["Planned_mm"] == first["PValue"] == first["Exceeds"] == ""
+    assert (first["Low95_mm"], first["High95_mm"]) == ("2998.04", "3001.96")
+    assert second["Exceeds"] == "FALSE" and second["Limit_mm"] == "8.00"
