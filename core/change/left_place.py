@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from ..evidence.sightings import AT, FRONT, Sightings
+from ..evidence.sightings import Sightings
+from ..model.on_element import ElementSurfaces
 from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
-from .own_evidence import ERROR_RATE, LEAST_OPPOSED
+from .own_evidence import ERROR_RATE, LEAST_OPPOSED, clearly_inside
 
 ACROSS = 0.5
 """Faces whose normal has this cosine with a shift leave their plane by it; those along it stay in theirs and tell nothing."""
@@ -59,33 +60,41 @@ class PlannedPlaces:
     first: NDArray[np.int64]
     """(E + 1,) each element's first row of ``seen``."""
     scene: RayScene
+    surfaces: ElementSurfaces
     window: float
+    registration_sigma: float
 
     @classmethod
     def of(
-        cls, seen: Sightings, origins: NDArray[np.float64], samples: SurfaceSamples, scene: RayScene, window: float,
-        elements: int,
+        cls, seen: Sightings, origins: NDArray[np.float64], samples: SurfaceSamples, scene: RayScene,
+        surfaces: ElementSurfaces, window: float, registration_sigma: float, elements: int,
     ) -> PlannedPlaces:
         """Of ``elements`` elements in all, as planned in ``scene``."""
         first = np.searchsorted(seen.sample, samples.first_of(elements)).astype(np.int64)
-        return cls(seen, origins, samples, first, scene, window)
+        return cls(seen, origins, samples, first, scene, surfaces, window, registration_sigma)
 
     def left(self, row: int, shift: NDArray[np.float64], through: int) -> PlaceLeft:
-        """Beams that tell whether element ``row`` left its place by ``shift`` (3,); ``through`` are known to pass it."""
+        """Beams that tell whether element ``row`` left its place by ``shift`` (3,).
+
+        ``through`` beams pass it by more than the window. Of two places closer together than two windows, a
+        return tells of the nearer one.
+        """
         own = slice(int(self.first[row]), int(self.first[row + 1]))
         seen, origin = self.seen.rows(own), self.origins[own]
-        normal = self.samples.normal[seen.sample]
-        along = normal @ shift
-        state = seen.state(self.window)
+        along = self.samples.normal[seen.sample] @ shift
         across = seen.on_face & ~seen.explained & (np.abs(along) >= ACROSS * np.linalg.norm(shift))
-        fits = across & (state == FRONT) & (np.abs(seen.deviation - along) <= self.window)
-        stops = np.flatnonzero(fits)
+        off, half = seen.deviation, np.minimum(self.window, 0.5 * np.abs(along))
+        behind = np.flatnonzero(across & (off < -half) & (off >= -self.window))
+        behind = behind[clearly_inside(
+            seen.rows(behind), self.samples, origin[behind], self.surfaces, self.registration_sigma
+        )]
+        stops = np.flatnonzero(across & (off > half) & (np.abs(off - along) <= self.window))
         ray = self.samples.position[seen.sample[stops]] - origin[stops]
         length = np.maximum(np.linalg.norm(ray, axis=1), BEFORE_M)
         _, met = self.scene.first_hit(origin[stops], ray / length[:, None], length - BEFORE_M)
-        is_open = (met < 0) | (self.scene.element[met] == row)
         key = seen.ray_key(stops)
-        free = np.unique(key[is_open])
+        free = np.unique(key[(met < 0) | (self.scene.element[met] == row)])
         return PlaceLeft(
-            len(np.unique(seen.ray_key(across & (state == AT)))), through, len(free), len(np.unique(key)) - len(free)
+            len(np.unique(seen.ray_key(across & (np.abs(off) <= half)))),
+            through + len(np.unique(seen.ray_key(behind))), len(free), len(np.unique(key)) - len(free),
         )

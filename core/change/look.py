@@ -122,7 +122,9 @@ def look_at_elements(
     shared = find_shared(model, found.samples, surfaces, parts)
     origins = scenery.origins(found.seen)
     touching = find_touching(found.seen, model, found.samples, origins, surfaces, window, sigma, parts)
-    planned = PlannedPlaces.of(found.seen, origins, found.samples, scene, window, len(model.elements))
+    planned = PlannedPlaces.of(
+        found.seen, origins, found.samples, scene, surfaces, window, registration_sigma, len(model.elements)
+    )
     known_gone = np.zeros(len(model.elements), np.bool_)
     for _ in range(2):  # what is gone shares its surface with nobody
         others, either = touching.split(known_gone)
@@ -165,10 +167,7 @@ def _sight(
         if stays and not shows_standing(left.at, left.through, t.absent_share) and left.should_be_seen(t.present_share):
             return sight("MOVED", f"It stands {1000 * length:.0f} mm before its planned place, which it hides.", best)
         if not shows_standing(left.at, left.through, t.absent_share):
-            return sight("UNSEEN", (
-                f"A surface {1000 * length:.0f} mm from its planned place fits it, but no beams show that it left that place: "
-                "it may stand there, hidden."
-            ), where=False)
+            return sight("UNSEEN", _hiding(length), where=False)
         vector, length = None, 0.0
     if exposed <= 0:
         return sight("UNSEEN", "Other elements touch or enclose its whole surface.", where=False)
@@ -187,6 +186,9 @@ def _sight(
         return sight("PART", f"{mine:.0%} of its surface in view is at its place; rays pass through the rest.")
     if mine >= present and stands:
         if length > tolerance:
+            off_place = overlap(model, row, best.fit.vector) <= ABSENT_OVERLAP
+            if off_place and not planned.left(row, best.fit.vector, through).passed:
+                return sight("UNSEEN", _hiding(length), where=False)
             return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.")
         return sight("STANDS", f"{mine:.0%} of the {share:.0%} of its surface in view is at its place.")
     if partner >= 0 and own.either[row] > own.at[row]:
@@ -198,6 +200,13 @@ def _sight(
     return sight("UNSEEN", (
         f"{at} beams return from it and {through} clearly pass through it: too few to tell whether it stands."
     ), where=False)
+
+
+def _hiding(length: float) -> str:
+    return (
+        f"A surface {1000 * length:.0f} mm from its planned place fits it, but no beams show that it left that place: "
+        "it may stand there, hidden."
+    )
 
 
 def _found(

@@ -38,17 +38,21 @@ def with_board() -> BuildingModel:
     )
 
 
-def found(name: str, edits: dict[str, Edit], props: tuple[Prop, ...] = ()) -> ElementChange:
+def found(name: str, edits: dict[str, Edit], props: tuple[Prop, ...] = (), voxel: float = 0.04) -> ElementChange:
     model = with_board() if name == "board" else house()
-    result = change(model, [scan(built(edits, props), seed=5, stations=FIRST_ROOM)], None, OPTIONS)
+    source = [scan(built(edits, props), seed=5, stations=FIRST_ROOM)]
+    result = change(model, source, None, dataclasses.replace(OPTIONS, voxel=voxel))
     return next(e for e in result.elements if e.name == name)
 
 
-@pytest.mark.parametrize("before, thickness", [(0.05, 0.018), (0.0835, 0.0835)])
-def test_a_board_behind_a_lining_has_not_disappeared(before: float, thickness: float) -> None:
+@pytest.mark.parametrize(
+    "before, thickness, voxel", [(0.05, 0.018, 0.04), (0.0835, 0.0835, 0.04), (0.0225, 0.0225, 0.02)],
+    ids=["with a gap", "solid", "within the window"],
+)
+def test_a_board_behind_a_lining_has_not_disappeared(before: float, thickness: float, voxel: float) -> None:
     face = 0.018 + before
     lining = Prop("lining", "box", (face - thickness / 2, 1.6, 1.1), (thickness, 1.2, 1.2))
-    board = found("board", {}, (BOARD, lining))
+    board = found("board", {}, (BOARD, lining), voxel)
     assert board.state == "UNKNOWN" and "hidden" in board.reason, board.reason
 
 
