@@ -32,7 +32,7 @@ from ..progress import Progress
 from ..sensing.loa import level_sigma, worst_voxel_shift
 from .left_place import PlannedPlaces
 from .overlap import ABSENT_OVERLAP, overlap
-from .own_evidence import OwnEvidence, find_touching, own_evidence, shows_gone, shows_standing
+from .own_evidence import LEAST_OPPOSED, OwnEvidence, find_touching, own_evidence, shows_gone, shows_standing
 from .parts import Parts
 from .shared_surface import find_shared
 
@@ -164,9 +164,10 @@ def _sight(
         if slid or left.passed:
             return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.", best)
         stays = overlap(model, row, best.fit.vector) > ABSENT_OVERLAP
-        if stays and not shows_standing(left.at, left.through, t.absent_share) and left.should_be_seen(t.present_share):
+        stands_there = shows_standing(left.at, left.through + left.stopped, t.present_share)
+        if stays and not stands_there and left.should_be_seen(t.present_share):
             return sight("MOVED", f"It stands {1000 * length:.0f} mm before its planned place, which it hides.", best)
-        if not shows_standing(left.at, left.through, t.absent_share):
+        if not stands_there:
             return sight("UNSEEN", _hiding(length), where=False)
         vector, length = None, 0.0
     if exposed <= 0:
@@ -177,7 +178,8 @@ def _sight(
     absent, present = standing_shares(model.elements[row].ifc_class, model.transparent[_triangles(model, row)], t)
     at, through, mine = int(own.beams_at[row]), int(own.beams_through[row]), own.share(row)
     stands, gone = shows_standing(at, through, absent), shows_gone(at, through, present)
-    if mine <= absent and gone:
+    told = float(own.at[row] + own.either[row] + own.beyond[row])
+    if mine <= absent and gone and own.beyond[row] >= LEAST_OPPOSED * told:
         if share < t.absent_seen_share:
             little = f"Rays pass through {1 - mine:.0%} of what was in view, but that is only {share:.1%} of its surface."
             return sight("UNSEEN", little, where=False)
