@@ -30,8 +30,9 @@ from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..sensing.loa import level_sigma, worst_voxel_shift
+from .left_place import PlannedPlaces
 from .overlap import ABSENT_OVERLAP, overlap
-from .own_evidence import OwnEvidence, find_touching, own_evidence, shows_gone, shows_standing
+from .own_evidence import LEAST_OPPOSED, OwnEvidence, find_touching, own_evidence, shows_gone, shows_standing
 from .parts import Parts
 from .shared_surface import find_shared
 
@@ -121,6 +122,9 @@ def look_at_elements(
     shared = find_shared(model, found.samples, surfaces, parts)
     origins = scenery.origins(found.seen)
     touching = find_touching(found.seen, model, found.samples, origins, surfaces, window, sigma, parts)
+    planned = PlannedPlaces.of(
+        found.seen, origins, found.samples, scene, surfaces, window, registration_sigma, len(model.elements)
+    )
     known_gone = np.zeros(len(model.elements), np.bool_)
     for _ in range(2):  # what is gone shares its surface with nobody
         others, either = touching.split(known_gone)
@@ -129,7 +133,8 @@ def look_at_elements(
             shared.in_doubt(len(found.samples), known_gone), either, window, registration_sigma, len(model.elements),
         )
         elements = tuple(
-            _sight(model, row, plan, best, float(exposed[row]), tolerance, context, own, shared.main_partner(row, known_gone))
+            _sight(model, row, plan, best, float(exposed[row]), tolerance, context, own,
+                   shared.main_partner(row, known_gone), planned)
             for row, (plan, best) in enumerate(zip(found.plans, found.best, strict=True))
         )
         known_gone = np.array([e.seen in ("GONE", "MOVED") for e in elements])
@@ -138,7 +143,7 @@ def look_at_elements(
 
 def _sight(
     model: BuildingModel, row: int, plan: Place, best: Place, exposed: float, tolerance: float, context: Context,
-    own: OwnEvidence, partner: int,
+    own: OwnEvidence, partner: int, planned: PlannedPlaces,
 ) -> ElementSight:
     t = context.thresholds
     share = (plan.at + plan.beyond) / max(exposed, 1e-12)
@@ -154,7 +159,17 @@ def _sight(
         if length <= tolerance and overlap(model, row, best.fit.vector) > ABSENT_OVERLAP:
             near = f"It stands {1000 * length:.0f} mm from its planned place, which voxels do not tell apart."
             return sight("STANDS", near, best)
-        return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.", best)
+        left = planned.left(row, best.fit.vector, int(own.beams_through[row]))
+        slid = best.at == plan.at  # the strip that it freed was seen
+        if slid or left.passed:
+            return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.", best)
+        stays = overlap(model, row, best.fit.vector) > ABSENT_OVERLAP
+        stands_there = shows_standing(left.at, left.through + left.stopped, t.present_share)
+        if stays and not stands_there and left.should_be_seen(t.present_share):
+            return sight("MOVED", f"It stands {1000 * length:.0f} mm before its planned place, which it hides.", best)
+        if not stands_there:
+            return sight("UNSEEN", _hiding(length), where=False)
+        vector, length = None, 0.0
     if exposed <= 0:
         return sight("UNSEEN", "Other elements touch or enclose its whole surface.", where=False)
     if not enough_seen(plan, share, t):
@@ -163,7 +178,8 @@ def _sight(
     absent, present = standing_shares(model.elements[row].ifc_class, model.transparent[_triangles(model, row)], t)
     at, through, mine = int(own.beams_at[row]), int(own.beams_through[row]), own.share(row)
     stands, gone = shows_standing(at, through, absent), shows_gone(at, through, present)
-    if mine <= absent and gone:
+    told = float(own.at[row] + own.either[row] + own.beyond[row])
+    if mine <= absent and gone and own.beyond[row] >= LEAST_OPPOSED * told:
         if share < t.absent_seen_share:
             little = f"Rays pass through {1 - mine:.0%} of what was in view, but that is only {share:.1%} of its surface."
             return sight("UNSEEN", little, where=False)
@@ -172,6 +188,9 @@ def _sight(
         return sight("PART", f"{mine:.0%} of its surface in view is at its place; rays pass through the rest.")
     if mine >= present and stands:
         if length > tolerance:
+            off_place = overlap(model, row, best.fit.vector) <= ABSENT_OVERLAP
+            if off_place and not planned.left(row, best.fit.vector, through).passed:
+                return sight("UNSEEN", _hiding(length), where=False)
             return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.")
         return sight("STANDS", f"{mine:.0%} of the {share:.0%} of its surface in view is at its place.")
     if partner >= 0 and own.either[row] > own.at[row]:
@@ -183,6 +202,13 @@ def _sight(
     return sight("UNSEEN", (
         f"{at} beams return from it and {through} clearly pass through it: too few to tell whether it stands."
     ), where=False)
+
+
+def _hiding(length: float) -> str:
+    return (
+        f"A surface {1000 * length:.0f} mm from its planned place fits it, but no beams show that it left that place: "
+        "it may stand there, hidden."
+    )
 
 
 def _found(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .elements import BuildingModel
+from .embree import triangle_scene
 
 RESTART_M = 2e-5
 """How far behind a hit the search for the next one starts, metres: surfaces closer together than this hide each other."""
@@ -33,17 +34,12 @@ class RayScene:
 
     def __init__(self, model: BuildingModel, shift: NDArray[np.float64] | None = None) -> None:
         """``shift`` (E, 3) [m] moves elements; a row of NaN leaves the element out."""
-        from embreex import rtcore_scene
-        from embreex.mesh_construction import TriangleMesh
-
-        self._scene = rtcore_scene.EmbreeScene()
         corners = model.vertices[model.triangles]
         if shift is not None:
             moved = corners + shift[model.triangle_element][:, None, :]
             corners = np.where(np.isfinite(moved), moved, 1e6)
-        corners = np.ascontiguousarray(corners, dtype=np.float32)
-        self._mesh = TriangleMesh(self._scene, corners)
-        self._corners = corners
+        self._corners = np.ascontiguousarray(corners, dtype=np.float32)
+        self._scene, self._mesh = triangle_scene(self._corners)
         self._start = model.triangle_start
         self._alone: dict[int, Any] = {}
         a, b, c = (model.vertices[model.triangles[:, i]] for i in range(3))
@@ -92,13 +88,9 @@ class RayScene:
 
     def _scene_of(self, element: int) -> Any:
         """Embree's scene of one element alone, and its mesh, which must live as long."""
-        from embreex import rtcore_scene
-        from embreex.mesh_construction import TriangleMesh
-
         if element not in self._alone:
-            scene = rtcore_scene.EmbreeScene()
             own = slice(self._start[element], self._start[element + 1])
-            self._alone[element] = (scene, TriangleMesh(scene, np.ascontiguousarray(self._corners[own])))
+            self._alone.setdefault(element, triangle_scene(self._corners[own]))  # the first thread's stays
         return self._alone[element][0]
 
     def all_hits(

@@ -13,6 +13,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from ..model.elements import BuildingModel
+from ..model.embree import triangle_scene
 
 PANE_THICKEST_M = 0.03
 PANE_SMALLEST_M = 0.2
@@ -124,9 +125,6 @@ class Scene:
         lost_share: NDArray[np.float64] | None = None,
         unevenness: Unevenness | None = None,
     ) -> None:
-        from embreex import rtcore_scene
-        from embreex.mesh_construction import TriangleMesh
-
         if not len(corners):
             corners, owner = np.zeros((1, 3, 3)), np.zeros(1, np.int32)
             names = tuple(names) or ("nothing",)
@@ -142,8 +140,7 @@ class Scene:
         normal = np.cross(self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0])
         self.normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
         self._offset = np.einsum("ij,ij->i", self.normal, self.corners[:, 0])
-        self._embree = rtcore_scene.EmbreeScene()
-        self._mesh = TriangleMesh(self._embree, np.ascontiguousarray(self.corners, dtype=np.float32))
+        self._embree, self._mesh = triangle_scene(self.corners)
 
     def cast(self, origin: NDArray[np.float64], direction: NDArray[np.float64], reach: float = 1e4) -> Cast:
         """First hits of rays from (3,) or (N, 3) [m] along (N, 3) unit vectors.

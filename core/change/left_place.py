@@ -1,0 +1,100 @@
+"""Did an element leave its planned place, or does what was found nearby only hide that place?
+
+A surface parallel to an element's own, a hand before it, fits a moved element as well as a lining or a ceiling with the element
+standing untouched behind. Only beams tell the two apart: those that pass through the planned place, those that still return
+from it, and those that the surface stopped although the model leaves the way to the planned place open.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binom
+
+from ..evidence.sightings import Sightings
+from ..model.on_element import ElementSurfaces
+from ..model.raycast import RayScene
+from ..model.samples import SurfaceSamples
+from .own_evidence import ERROR_RATE, LEAST_OPPOSED, clearly_inside
+
+ACROSS = 0.5
+"""Faces whose normal has this cosine with a shift leave their plane by it; those along it stay in theirs and tell nothing."""
+BEFORE_M = 0.02
+"""What a beam meets this close before a position is the position's own face, or covers it."""
+
+
+@dataclass(frozen=True)
+class PlaceLeft:
+    """Different beams that tell whether an element left its planned place for another one."""
+
+    at: int
+    """Returned from the planned place, of faces across the shift."""
+    through: int
+    """Clearly passed through the planned place."""
+    stopped: int
+    """Stopped before it by a surface that fits the other place, where the model leaves the way open."""
+    stopped_anyway: int
+    """The same, where by the model another element stands in the way too."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether so many beams through it would be unlikely if it stood: at edges and recesses some always pass."""
+        return bool(binom.sf(self.through - 1, self.at + self.through, LEAST_OPPOSED) < ERROR_RATE)
+
+    def should_be_seen(self, share: float) -> bool:
+        """Whether more than ``share`` of its hidden place should be in view by the model (exact binomial test)."""
+        return bool(binom.sf(self.stopped - 1, self.stopped + self.stopped_anyway, share) < ERROR_RATE)
+
+
+@dataclass(frozen=True)
+class PlannedPlaces:
+    """What was seen in the direction of the planned places of all elements. Local frame, metres."""
+
+    seen: Sightings
+    """(M,) sorted by sample."""
+    origins: NDArray[np.float64]
+    """(M, 3) of their rays."""
+    samples: SurfaceSamples
+    first: NDArray[np.int64]
+    """(E + 1,) each element's first row of ``seen``."""
+    scene: RayScene
+    surfaces: ElementSurfaces
+    window: float
+    registration_sigma: float
+
+    @classmethod
+    def of(
+        cls, seen: Sightings, origins: NDArray[np.float64], samples: SurfaceSamples, scene: RayScene,
+        surfaces: ElementSurfaces, window: float, registration_sigma: float, elements: int,
+    ) -> PlannedPlaces:
+        """Of ``elements`` elements in all, as planned in ``scene``."""
+        first = np.searchsorted(seen.sample, samples.first_of(elements)).astype(np.int64)
+        return cls(seen, origins, samples, first, scene, surfaces, window, registration_sigma)
+
+    def left(self, row: int, shift: NDArray[np.float64], through: int) -> PlaceLeft:
+        """Beams that tell whether element ``row`` left its place by ``shift`` (3,).
+
+        ``through`` beams pass it by more than the window. Of two places closer together than two windows, a
+        return tells of the nearer one.
+        """
+        own = slice(int(self.first[row]), int(self.first[row + 1]))
+        seen, origin = self.seen.rows(own), self.origins[own]
+        along = self.samples.normal[seen.sample] @ shift
+        across = seen.on_face & ~seen.explained & (np.abs(along) >= ACROSS * np.linalg.norm(shift))
+        off, half = seen.deviation, np.minimum(self.window, 0.5 * np.abs(along))
+        behind = np.flatnonzero(across & (off < -half) & (off >= -self.window))
+        behind = behind[clearly_inside(
+            seen.rows(behind), self.samples, origin[behind], self.surfaces, self.registration_sigma
+        )]
+        stops = np.flatnonzero(across & (off > half) & (np.abs(off - along) <= self.window))
+        ray = self.samples.position[seen.sample[stops]] - origin[stops]
+        length = np.maximum(np.linalg.norm(ray, axis=1), BEFORE_M)
+        _, met = self.scene.first_hit(origin[stops], ray / length[:, None], length - BEFORE_M)
+        key = seen.ray_key(stops)
+        free = np.unique(key[(met < 0) | (self.scene.element[met] == row)])
+        return PlaceLeft(
+            len(np.unique(seen.ray_key(across & (np.abs(off) <= half)))),
+            through + len(np.unique(seen.ray_key(behind))), len(free), len(np.unique(key)) - len(free),
+        )
