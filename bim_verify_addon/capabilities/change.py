@@ -30,7 +30,7 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     layout.prop(settings, "each_file")
     main_button(layout, "change", "MOD_BUILD")
     if settings.epochs:
-        layout.prop(settings, "epoch", slider=True, text=settings.epoch_name or "Epoch")
+        layout.prop(settings, "epoch", slider=True, text=f"Shown: {settings.epoch_name or 'epoch'}")
 
 
 def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
