@@ -17,6 +17,7 @@ from mathutils import Vector
 
 from .capabilities import shown_first
 from .known import known_of
+from .sight import is_cut_away
 
 LINE_LENGTH = 60
 """Characters."""
@@ -168,6 +169,8 @@ def element_on_ray(
         if not hit:
             return None
         item = item.original if item is not None else None
+        if space is not None and is_cut_away(space.region_3d, where):
+            item = None
         element = known_of(context, item) if item is not None and item.visible_get(viewport=space) else None
         if element is not None:
             return element, _nearest_vertex(item, face, matrix.inverted() @ where) if element == item else -1

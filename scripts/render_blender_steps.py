@@ -83,7 +83,7 @@ def displacement(inputs: Path, out: Path) -> Iterator[float]:
 
 
 def classify(inputs: Path, out: Path) -> Iterator[float]:
-    """Every return to its element; the cloud that was written, an element a scan, is shown in the colours of its scans."""
+    """Every return to its element; the cloud that was written is shown, in solid shading without its colours."""
     yield from house(inputs)
     yield from do("classify", filepath=str(inputs / "classified.e57"))
     hide_scans()

@@ -25,11 +25,12 @@ def _state(scene: bpy.types.Scene) -> StepState:
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     settings = context.scene.bim_verify_change
-    layout.prop(settings, "reference")
+    layout.label(text="Reference (else the model):")
+    layout.prop(settings, "reference", text="")
     layout.prop(settings, "each_file")
     main_button(layout, "change", "MOD_BUILD")
     if settings.epochs:
-        layout.prop(settings, "epoch", slider=True, text=settings.epoch_name or "Epoch")
+        layout.prop(settings, "epoch", slider=True, text=f"Shown: {settings.epoch_name or 'epoch'}")
 
 
 def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -7,7 +7,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from mathutils import Vector
 
 from .. import bonsai, scene
-from ..sight import sight
+from ..sight import look_at, sight
 from .select_findings import needs_findings, of_category
 
 
@@ -100,9 +100,5 @@ def _frame(context: bpy.types.Context, item: bpy.types.Object) -> None:
     for area in context.window.screen.areas:
         if area.type == "VIEW_3D":
             view = area.spaces.active.region_3d
-            if view.view_perspective == "CAMERA":
-                view.view_perspective = "PERSP"
-            toward, middle, distance = sight(context, item, view.view_rotation @ Vector((0.0, 0.0, 1.0)))
-            view.view_rotation = toward.to_track_quat("Z", "Y")
-            view.view_location, view.view_distance = middle, distance
+            look_at(context, area, sight(context, item, view.view_rotation @ Vector((0.0, 0.0, 1.0))))
             return

@@ -10,6 +10,7 @@ from scipy.special import chdtri, stdtrit
 
 from .blocks import Blocks, block_means
 from .error_model import ErrorModel
+from .robust_fit import fit_agreeing, normal_matrix
 from .sightings import Sightings
 from .unevenness import Unevenness
 
@@ -21,8 +22,6 @@ LEAST_ACROSS = 3.0
 """... and at least this many blocks' worth of it, so that their agreement shows how far they can be trusted."""
 ROUGHER = 0.95
 """An element is rougher than the campaign when its blocks scatter more than this share of such elements would."""
-TUKEY = 4.685
-ITERATIONS = 40
 
 
 @dataclass(frozen=True)
@@ -67,23 +66,12 @@ def fit_shift(sightings: Sightings, errors: ErrorModel) -> Shift:
     basis = axes[:, (eigenvalue >= LEAST_SHARE) & (across >= LEAST_ACROSS)].T
     if not len(basis):
         return NOTHING
+    basis, shift, robust, uneven2 = fit_agreeing(n, d, blocks.variance, errors.unevenness.variance, basis)
+    if not len(basis):
+        return NOTHING
     a = n @ basis.T
-
-    shift = np.zeros(len(basis))
-    robust = np.ones(len(d))
-    uneven2 = expected2 = errors.unevenness.variance
-    for _ in range(ITERATIONS):
-        weight = robust / (blocks.variance + uneven2)
-        updated = _solve(a, weight, d)
-        residual = d - a @ updated
-        uneven2 = max(_between(residual, blocks.variance), expected2)
-        u = residual / (TUKEY * np.sqrt(blocks.variance + uneven2))
-        robust = np.where(np.abs(u) < 1, (1 - u**2) ** 2, 0.0)
-        step, shift = float(np.abs(updated - shift).max()), updated
-        if step < 1e-7:
-            break
     weight = robust / (blocks.variance + uneven2)
-    gain = np.linalg.solve(_normal_matrix(a, weight), (a * weight[:, None]).T)
+    gain = np.linalg.solve(normal_matrix(a, weight), (a * weight[:, None]).T)
     covariance = (gain * blocks.variance) @ gain.T + _unevenness(blocks, gain, d - a @ shift, robust, errors.unevenness)
     registration = np.zeros((len(basis), len(basis)))
     for station in np.unique(blocks.station):
@@ -110,19 +98,3 @@ def _unevenness(blocks: Blocks, gain: Array, residual: Array, robust: Array, cam
     widening = (float(stdtrit(freedom, 0.975)) / 1.96) ** 2
     own = (gain * (robust * residual**2)) @ gain.T
     return np.asarray(widening * np.maximum(ratio, 1.0) * shared if campaign.variance > 0 else widening * own)
-
-
-def _normal_matrix(a: Array, weight: Array) -> Array:
-    matrix: Array = (a * weight[:, None]).T @ a
-    return matrix + 1e-9 * np.trace(matrix) * np.eye(a.shape[1])
-
-
-def _solve(a: Array, weight: Array, d: Array) -> Array:
-    solution: Array = np.linalg.solve(_normal_matrix(a, weight), (a * weight[:, None]).T @ d)
-    return solution
-
-
-def _between(residual: Array, variance: Array) -> float:
-    """Variance between blocks beyond what the returns' scatter explains, by the median of the squares."""
-    spread = 2.198 * float(np.median(residual**2))
-    return max(spread - float(np.median(variance)), 0.0)

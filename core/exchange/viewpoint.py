@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +27,8 @@ CLOSER = (1.0, 0.5, 0.25, 0.125)
 FARTHER = 0.05
 """How much more a view counts for each width that it begins farther away: the surroundings help to find the place."""
 LIFT_M = 0.005
+WHOLE_M = 0.3
+"""So far before an element it lies behind the plane as a whole."""
 
 
 def finding_camera(
@@ -44,27 +48,62 @@ def finding_camera(
     place, normal = probes[::step], normals[::step]
     if not len(place):
         place, normal = 0.5 * (low + high)[None], np.zeros((1, 3))
-    width = max(SURROUNDINGS * max(size, 1e-3), LEAST_WIDTH_M)
-    middle, whole = 0.5 * (low + high), 0.5 * size + 0.3
-    reaches = (MOST_REACH_M, 3 * width, width, *(part * whole for part in CLOSER))
-    best, best_score = (-_toward(225, 25), whole), 0.0
-    start = place + LIFT_M * normal
-    for elevation, preference in ELEVATIONS_DEG.items():
-        for azimuth in AZIMUTHS_DEG:
-            toward = _toward(azimuth, elevation)
-            facing = np.clip(normal @ toward, 0.0, FRONTAL) if np.any(normal) else np.ones(len(place))
-            free, _ = scene.first_hit(start, np.broadcast_to(toward, start.shape), 2 * MOST_REACH_M)
-            behind = (middle - place) @ toward
-            for reach in reaches:
-                from_plane = reach + behind
-                seen = float((facing * ((from_plane > 0) & (free >= from_plane))).sum())
-                score = preference * seen * (1.0 + FARTHER * min(reach, 3 * width) / width)
-                if score > best_score + 1e-9:
-                    best, best_score = (-toward, reach), score
-    forward, reach = best
+    middle = 0.5 * (low + high)
+
+    def free(start: NDArray[np.float64], toward: NDArray[np.float64]) -> NDArray[np.floating]:
+        return scene.first_hit(start, np.broadcast_to(toward, start.shape), 2 * MOST_REACH_M)[0]
+
+    toward, reach = best_side(place, normal, middle, size, free)
+    forward = -toward
     right = np.cross(forward, (0.0, 0.0, 1.0))
     up = np.cross(right / np.linalg.norm(right), forward)
-    return Camera(middle, forward, up, width * max(aspect, 1.0) / 1.3, reach)
+    return Camera(middle, forward, up, view_width(size) * max(aspect, 1.0) / 1.3, reach)
+
+
+def best_side(
+    place: NDArray[np.float64], normal: NDArray[np.float64], middle: NDArray[np.float64], size: float,
+    free: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.floating]],
+) -> tuple[NDArray[np.float64], float]:  # fmt: skip
+    """From where places (N, 3) with outward normals (N, 3) are seen best: unit vector to the viewer, where the view begins.
+
+    The latter is the distance [m] of a plane before ``middle`` (3,): what lies nearer to the viewer is cut away.
+    ``free(start, toward)``: how far (N,) [m] one sees from ``start`` (N, 3) towards the viewer. ``size``: of the element [m].
+    """
+    best, best_score = (_toward(225, 25), 0.5 * size + WHOLE_M), 0.0
+    for toward, preference in _sides():
+        for reach, seen in free_sight(place, normal, middle, size, toward, free):
+            score = preference * seen * (1.0 + FARTHER * min(reach / view_width(size), 3.0))
+            if score > best_score + 1e-9:
+                best, best_score = (toward, reach), score
+    return best
+
+
+def free_sight(
+    place: NDArray[np.float64], normal: NDArray[np.float64], middle: NDArray[np.float64], size: float,
+    toward: NDArray[np.float64], free: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.floating]],
+) -> list[tuple[float, float]]:  # fmt: skip
+    """For each distance [m] at which the view can begin: how much is seen from there, in places that face the viewer."""
+    width, whole = view_width(size), 0.5 * size + WHOLE_M
+    facing = np.clip(normal @ toward, 0.0, FRONTAL) if np.any(normal) else np.ones(len(place))
+    place, normal, facing = (part[facing > 0] for part in (place, normal, facing))
+    sight = free(place + LIFT_M * normal, toward)
+    behind = (middle - place) @ toward
+    seen = []
+    for reach in (MOST_REACH_M, 3 * width, width, *(part * whole for part in CLOSER)):
+        from_plane = reach + behind
+        seen.append((reach, float((facing * ((from_plane > 0) & (sight >= from_plane))).sum())))
+    return seen
+
+
+def view_width(size: float) -> float:
+    """How much a view of an element of this size shows across, both in metres."""
+    return max(SURROUNDINGS * max(size, 1e-3), LEAST_WIDTH_M)
+
+
+def _sides() -> Iterator[tuple[NDArray[np.float64], float]]:
+    for elevation, preference in ELEVATIONS_DEG.items():
+        for azimuth in AZIMUTHS_DEG:
+            yield _toward(azimuth, elevation), preference
 
 
 def _toward(azimuth: float, elevation: float) -> NDArray[np.float64]:

@@ -148,25 +148,29 @@ def test_a_finding_is_looked_at_from_where_it_is_seen(verified: bpy.types.Scene)
         other.hide_set(other != column)
     bpy.context.view_layer.update()
     south, size = Vector((0.0, -1.0, 0.0)), column.dimensions.length
-    toward, middle, distance = sight(bpy.context, column, south)
-    assert toward == south
-    assert distance == pytest.approx(2.2 * size, rel=0.05)
+    seen = sight(bpy.context, column, south)
+    assert seen.toward == south
+    assert seen.distance == seen.begins == pytest.approx(2.2 * size, rel=0.05)
 
-    def screen(away: float) -> None:
+    def screen(toward: Vector, away: float) -> None:
         mesh = bpy.data.meshes.new("screen")
-        y = middle.y - away
-        mesh.from_pydata([(-99, y, -99), (99, y, -99), (0, y, 99)], [], [(0, 1, 2)])
+        across, up = toward.orthogonal(), toward.cross(toward.orthogonal())
+        corners = [seen.middle + away * toward + 99 * side for side in (across + up, across - up, -2 * across)]
+        mesh.from_pydata(corners, [], [(0, 1, 2)])
         verified.collection.objects.link(bpy.data.objects.new("screen", mesh))
         bpy.context.view_layer.update()
 
-    screen(1.5 * size)  # a wall behind the viewer, who comes closer
-    toward, _, distance = sight(bpy.context, column, south)
-    assert toward == south
-    assert distance == pytest.approx(1.5 * size, rel=0.1)
-    screen(0.3 * size)  # a wall right before it: from another side
-    toward, _, distance = sight(bpy.context, column, south)
-    assert toward.dot(south) < 0.5
-    assert distance > 1.5 * size
+    screen(south, 3.0 * size)  # a wall behind the viewer
+    assert sight(bpy.context, column, south) == seen
+    screen(south, 0.6 * size)  # a wall before it: from another side
+    other = sight(bpy.context, column, south)
+    assert other.toward.dot(south) < 0.5
+    assert other.distance == seen.distance
+    for toward in (Vector((1, 0, 0)), Vector((-1, 0, 0)), Vector((0, 1, 0)), Vector((0, 0, 1)), Vector((0, 0, -1))):
+        screen(toward, 0.6 * size)
+    room = sight(bpy.context, column, south)  # a small room: from as far away, through its wall
+    assert room.distance == seen.distance
+    assert 0.0 < room.begins < 1.1 * size
 
 
 def test_isolating_hides_the_others_and_brings_them_back(verified: bpy.types.Scene) -> None:

@@ -39,6 +39,19 @@ def test_the_first_visible_element_is_found_at_the_right_place(verified: bpy.typ
     assert hover.element_on_ray(bpy.context, OUTSIDE, -NORTHWARD) is None
 
 
+def test_what_a_view_cuts_away_is_looked_through(verified: bpy.types.Scene) -> None:
+    space = next(a.spaces.active for s in bpy.data.screens for a in s.areas if a.type == "VIEW_3D")
+    space.region_3d.clip_planes = [(0.0, 1.0, 0.0, -1.0)] * 6  # nothing south of y = 1 m
+    space.region_3d.use_clip_planes = True
+    found = hover.element_on_ray(bpy.context, OUTSIDE, NORTHWARD, space)
+    space.region_3d.use_clip_planes = False
+    assert found is not None
+    assert found[0] == wall(verified, "North")
+    found = hover.element_on_ray(bpy.context, OUTSIDE, NORTHWARD, space)
+    assert found is not None
+    assert found[0] == wall(verified, "South")
+
+
 def test_what_is_no_element_is_looked_through(verified: bpy.types.Scene) -> None:
     mesh = bpy.data.meshes.new("screen")
     mesh.from_pydata([(-9, -1, -9), (9, -1, -9), (0, -1, 20)], [], [(0, 1, 2)])
