@@ -34,13 +34,13 @@ def estimate_with_elements(
     """The pose near ``start``; ``bearers`` say which matches share an error, ``at`` is the coarse pose.
 
     The edges' covariances in ``matches`` are not used: ``model_sigma`` [m] per axis stands for them. ``mistaken_px`` is the
-    root mean square of what wrong matches that no test shows put a line off; it counts in the covariance and not in the
-    weights. Raises BimVerifyError when it does not settle.
+    root mean square of what wrong matches that no test shows put a line off as a whole. Raises BimVerifyError when it does not
+    settle.
     """
     camera = start
     information = np.diag([prior.rotation_sigma**-2] * 3 + [prior.position_sigma**-2] * 3 + [0.0] * int(focal))
     for _ in range(MOST_ROUNDS):
-        value, design, cov = _contradictions(matches, camera, bearers, model_sigma, focal)
+        value, design, cov = _contradictions(matches, camera, bearers, model_sigma, focal, mistaken_px)
         weighted = np.linalg.solve(cov, np.column_stack([design, value]))
         away = np.concatenate([
             rotation_vector(at.rotation @ camera.rotation.T), at.position - camera.position, np.zeros(int(focal)),
@@ -52,7 +52,7 @@ def estimate_with_elements(
             break
     else:
         raise BimVerifyError(f"{start.name}: the pose does not settle; check the coarse pose and the matched lines.")
-    value, design, cov = _contradictions(matches, camera, bearers, model_sigma, focal)
+    value, design, cov = _contradictions(matches, camera, bearers, model_sigma, focal, mistaken_px)
     redundancy = len(value) - design.shape[1]
     factor = float(value @ np.linalg.solve(cov, value)) / max(redundancy, 1)
     own = cov - design @ covariance @ design.T
@@ -60,9 +60,6 @@ def estimate_with_elements(
     blocks = own.reshape(len(matches), 2, len(matches), 2)[rows, :, rows, :]
     pairs = value.reshape(-1, 2)
     test = np.einsum("nk,nkl,nl->n", pairs, np.linalg.pinv(blocks, hermitian=True), pairs)
-    gain = covariance @ np.linalg.solve(cov, design).T
-    ends = gain[:, 0::2] + gain[:, 1::2]
-    covariance = covariance + mistaken_px**2 / max(factor, 1.0) * ends @ ends.T
     spread = float(np.sqrt(covariance[6, 6])) * camera.interior.fx if focal else None
     return PoseEstimate(camera, covariance[:6, :6], factor, redundancy, test, spread)
 
@@ -76,11 +73,12 @@ def _moved(camera: Camera, step: Vector) -> Camera:
 
 
 def _contradictions(
-    matches: LineMatches, camera: Camera, bearers: EdgeBearers, model_sigma: float, focal: bool
+    matches: LineMatches, camera: Camera, bearers: EdgeBearers, model_sigma: float, focal: bool,
+    mistaken_px: float,
 ) -> tuple[Vector, Vector, Vector]:
     """Distances (2N,) [px] of the projected ends from their lines, derivatives (2N, 6 or 7), covariance (2N, 2N)."""
     value, design, to_point, own = line_distances(matches, camera, model_sigma, focal)
-    return value, design, joint_covariance(to_point, own, bearers, model_sigma)
+    return value, design, joint_covariance(to_point, own + mistaken_px**2, bearers, model_sigma)
 
 
 def joint_covariance(to_point: Vector, own: Vector, bearers: EdgeBearers, model_sigma: float) -> Vector:

@@ -49,7 +49,7 @@ FARTHEST = 35.0
 AMBIGUOUS = 0.93
 """A different pose that explains this share of what the best one does makes the result ambiguous."""
 LEAST_SURE = 7
-"""Lines: fewer lie on edges by chance too often."""
+"""Lines, less one for each direction that they leave open: fewer lie on edges by chance too often."""
 CHANCE_POSES, CHANCE_EDGES, MOST_BY_CHANCE = 64, 60, 0.8
 """So many poses are drawn from the coarse sigma and pulled onto the lines; if one of them explains this share of what the best
 does of the longest edges, so many lines may lie on edges by chance."""
@@ -152,7 +152,7 @@ def register_image(
     weak = weak_directions(estimate, PosePrior(coarse.rotation_sigma, coarse.position_sigma))
     chance = _by_chance(after, lines, known, estimate.covariance, coarse, model_sigma, seed)
     note = ""
-    if sum(m.kept for m in matches) < LEAST_SURE:
+    if sum(m.kept for m in matches) < LEAST_SURE - len(weak):
         chance = 1.0
         note = f"Only {sum(m.kept for m in matches)} lines lie on edges, which may be by chance; check the overlay."
     elif runner_up > AMBIGUOUS:
@@ -304,6 +304,10 @@ def adjust_matches(
         kept[rows[worst]] = False
         estimate = _estimate(matches, kept, bearers, model_sigma, estimate.camera, coarse, focal)
     tests[kept] = estimate.test
+    estimate = _estimate(
+        matches, kept, bearers, model_sigma, estimate.camera, coarse, focal,
+        mistaken_px=math.sqrt(MISTAKEN / 3.0) * SEARCH_WIDTH * known.camera.interior.width,
+    )
     return estimate, tuple(
         MatchedLine(
             edges.bearers.rows(np.array([e])), np.stack([edges.start[e], edges.end[e]]),
@@ -316,12 +320,12 @@ def adjust_matches(
 
 def _estimate(
     matches: LineMatches, kept: NDArray[np.bool_], bearers: EdgeBearers, model_sigma: float, known: Camera, coarse: KnownCamera,
-    focal: bool,
+    focal: bool, mistaken_px: float = 0.0,
 ) -> PoseEstimate:
     return estimate_with_elements(
         matches.rows(kept), bearers.rows(kept), known, model_sigma, focal=focal, at=coarse.camera,
         prior=PosePrior(coarse.rotation_sigma, coarse.position_sigma),
-        mistaken_px=math.sqrt(MISTAKEN / 3.0) * SEARCH_WIDTH * known.interior.width,
+        mistaken_px=mistaken_px,
     )
 
 
