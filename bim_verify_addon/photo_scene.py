@@ -27,7 +27,7 @@ SUMMARY_KEY = "bim_verify_photos"
 """On the scene: what the last registration found, in one sentence."""
 RESIDUAL = "bv_residual"
 """Per vertex of the matched edges: distance of the image line from the projected edge, pixels."""
-COARSE_COLOR, REFINED_COLOR = (0.92, 0.25, 0.2, 1.0), (0.1, 0.8, 0.35, 1.0)
+FAR_COLOR, NEAR_COLOR = (0.92, 0.25, 0.2, 1.0), (0.1, 0.8, 0.35, 1.0)
 WORST_PX = 3.0
 """Residual that is drawn in the warning colour."""
 
@@ -139,11 +139,11 @@ def _edges(
     residual = np.repeat(np.array([m.residual for m in kept]), 2).astype(np.float32)
     scene.set_attribute(mesh, RESIDUAL, "FLOAT", residual)
     share = np.clip(residual / WORST_PX, 0.0, 1.0)[:, None]
-    color = ((1.0 - share) * np.array(REFINED_COLOR) + share * np.array(COARSE_COLOR)).astype(np.float32)
+    color = ((1.0 - share) * np.array(NEAR_COLOR) + share * np.array(FAR_COLOR)).astype(np.float32)
     scene.set_attribute(mesh, scene.COLOR, "FLOAT_COLOR", color)
     item = bpy.data.objects.new(f"{name} edges", mesh)
     item.show_in_front = True
-    item.color = REFINED_COLOR
+    item.color = NEAR_COLOR
     item[frame.ORIGIN_KEY] = [float(v) for v in middle + origin]
     frame.place(item, place)
     _keep(target, item, name)

@@ -85,28 +85,30 @@ def is_cut_away(view: bpy.types.RegionView3D, where: Vector) -> bool:
     return view.use_clip_planes and any(Vector(plane[:3]).dot(where) + plane[3] < 0 for plane in view.clip_planes)
 
 
+def views(context: bpy.types.Context) -> list[bpy.types.Area]:
+    """The 3D views of the window; without a window there is none."""
+    if bpy.app.background or context.window is None:
+        return []
+    return [area for area in context.window.screen.areas if area.type == "VIEW_3D"]
+
+
 def look_at_all(context: bpy.types.Context, items: Iterable[bpy.types.Object]) -> None:
     """Move each 3D view, as it is turned, so far that it shows these; without a window there is none."""
-    if bpy.app.background or context.window is None:
-        return
     low, high = bounds(items)
-    for area in context.window.screen.areas:
-        if area.type == "VIEW_3D":
-            space = area.spaces.active
-            view, size = space.region_3d, max((high - low).length, LEAST_SIZE_M)
-            if view.view_perspective == "CAMERA":
-                view.view_perspective = "PERSP"
-            view.view_location, view.view_distance = 0.5 * (low + high), WHOLE * 0.5 * size * space.lens / HALF_WIDTH_MM
-            space.clip_end = max(space.clip_end, 10.0 * size)
+    size = max((high - low).length, LEAST_SIZE_M)
+    for area in views(context):
+        space = area.spaces.active
+        view = space.region_3d
+        if view.view_perspective == "CAMERA":
+            view.view_perspective = "PERSP"
+        view.view_location, view.view_distance = 0.5 * (low + high), WHOLE * 0.5 * size * space.lens / HALF_WIDTH_MM
+        space.clip_end = max(space.clip_end, 10.0 * size)
 
 
 def through_camera(context: bpy.types.Context) -> None:
     """Let each 3D view look through the scene's camera; without a window there is none."""
-    if bpy.app.background or context.window is None:
-        return
-    for area in context.window.screen.areas:
-        if area.type == "VIEW_3D":
-            area.spaces.active.region_3d.view_perspective = "CAMERA"
+    for area in views(context):
+        area.spaces.active.region_3d.view_perspective = "CAMERA"
 
 
 def bounds(items: Iterable[bpy.types.Object]) -> tuple[Vector, Vector]:

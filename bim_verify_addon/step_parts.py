@@ -30,6 +30,6 @@ def missing(scene: bpy.types.Scene, *, model: bool = True, scans: bool = True) -
     settings = scene.bim_verify
     if model and not project.has_model(settings):
         return "Needs a model"
-    if scans and not any(scan.use and not scan.dense for scan in settings.scans):
+    if scans and not project.scan_paths(settings):
         return "Needs a scan"
     return ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from .. import project
 from ..capability import Capability, Step, StepState
 from ..step_parts import main_button
 
@@ -21,7 +22,7 @@ class BIMVERIFY_UL_scans(bpy.types.UIList):
 
 def _state(scene: bpy.types.Scene) -> StepState:
     used = [scan for scan in scene.bim_verify.scans if scan.use]
-    if not any(not scan.dense for scan in used):
+    if not project.scan_paths(scene.bim_verify):
         return StepState(False, "Dense points need the project of their photos" if used else "No scan yet")
     points = sum(scan.points for scan in used)
     stations = sum(scan.stations for scan in used)

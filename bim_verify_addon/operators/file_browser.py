@@ -67,7 +67,7 @@ def has_model(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool
 
 def has_scans(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
     """Part of ``poll``: at least one scan is in use."""
-    if any(scan.use and not scan.dense for scan in context.scene.bim_verify.scans):
+    if project.scan_paths(context.scene.bim_verify):
         return True
     cls.poll_message_set("Add at least one scan first")
     return False

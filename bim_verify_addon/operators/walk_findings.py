@@ -7,7 +7,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from mathutils import Vector
 
 from .. import bonsai, scene
-from ..sight import look_at, sight
+from ..sight import look_at, sight, views
 from .select_findings import needs_findings, of_category
 
 
@@ -95,10 +95,6 @@ def _urgency(item: bpy.types.Object) -> tuple[float, str]:
 
 def _frame(context: bpy.types.Context, item: bpy.types.Object) -> None:
     """Look at an object so that it is seen; without a window there is no view."""
-    if bpy.app.background or context.window is None:
-        return
-    for area in context.window.screen.areas:
-        if area.type == "VIEW_3D":
-            view = area.spaces.active.region_3d
-            look_at(context, area, sight(context, item, view.view_rotation @ Vector((0.0, 0.0, 1.0))))
-            return
+    for area in views(context)[:1]:
+        view = area.spaces.active.region_3d
+        look_at(context, area, sight(context, item, view.view_rotation @ Vector((0.0, 0.0, 1.0))))

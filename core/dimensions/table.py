@@ -70,15 +70,10 @@ def dimensions_to_json(rows: Sequence[Dimension]) -> list[dict[str, Any]]:
 
 def write_dimensions(path: str | Path, rows: Sequence[Dimension]) -> None:
     """One line a row, UTF-8 with a byte order mark, millimetres; BimVerifyError when ``path`` cannot be written."""
-    def mm(value: float | None) -> str:
-        return "" if value is None else f"{1000 * value:.2f}"
-
-    def share(value: float | None) -> str:
-        return "" if value is None else f"{value:.4f}"
-
     lines = [
-        (guard(r.where), guard(r.global_id), r.what, guard("; ".join(r.between)), mm(r.planned), mm(r.value), mm(r.sigma),
-         *(mm(v) for v in r.interval_95), r.loa or "", share(r.p_value), mm(r.limit), share(r.p_limit),
+        (guard(r.where), guard(r.global_id), r.what, guard("; ".join(r.between)),
+         *(_mm(v, 2) for v in (r.planned, r.value, r.sigma, *r.interval_95)), r.loa or "", _share(r.p_value, 4),
+         _mm(r.limit, 2), _share(r.p_limit, 4),
          "" if r.exceeds is None else str(r.exceeds).upper())
         for r in rows
     ]  # fmt: skip
@@ -88,12 +83,17 @@ def write_dimensions(path: str | Path, rows: Sequence[Dimension]) -> None:
 
 def shown(rows: Sequence[Dimension]) -> list[tuple[str, ...]]:
     """Cells under ``COLUMNS`` for a report."""
-    def mm(value: float | None, digits: int = 1) -> str:
-        return "" if value is None else f"{1000 * value:.{digits}f}"
-
     return [
-        (r.where, r.what, ", ".join(r.between), mm(r.planned), mm(r.value), f"{1960 * r.sigma:.1f}",
-         "" if r.p_value is None else f"{r.p_value:.3f}", mm(r.limit, 0),
+        (r.where, r.what, ", ".join(r.between), _mm(r.planned, 1), _mm(r.value, 1), f"{1960 * r.sigma:.1f}",
+         _share(r.p_value, 3), _mm(r.limit, 0),
          r.loa or ("exceeded" if r.exceeds else "kept"))
         for r in rows
     ]  # fmt: skip
+
+
+def _mm(value: float | None, digits: int) -> str:
+    return "" if value is None else f"{1000 * value:.{digits}f}"
+
+
+def _share(value: float | None, digits: int) -> str:
+    return "" if value is None else f"{value:.{digits}f}"

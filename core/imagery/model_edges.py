@@ -27,8 +27,6 @@ class ModelEdges:
     """(N, 3) metres"""
     end: Vector
     """(N, 3) metres"""
-    element: NDArray[np.int64]
-    """(N,) row of the model's elements: of the longest part, where several elements share the line."""
 
     def __len__(self) -> int:
         return len(self.start)
@@ -37,10 +35,6 @@ class ModelEdges:
     def length(self) -> Vector:
         """(N,) metres."""
         return np.asarray(np.linalg.norm(self.end - self.start, axis=1))
-
-    def rows(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> ModelEdges:
-        """Only the chosen edges."""
-        return ModelEdges(self.start[chosen], self.end[chosen], self.element[chosen])
 
 
 def sharp_edges(model: BuildingModel, *, dihedral: float = SHARPEST_FLAT, shortest: float = SHORTEST_M) -> ModelEdges:
@@ -75,7 +69,7 @@ def sharp_edges(model: BuildingModel, *, dihedral: float = SHARPEST_FLAT, shorte
     together = np.einsum("ni,ni->n", normal[face[first[shared]]], normal[face[first[shared] + 1]])
     sharp[shared] = together < math.cos(dihedral)
     kept = first[sharp]
-    return _joined(ends[kept, 0], ends[kept, 1], who[kept], shortest)
+    return _joined(ends[kept, 0], ends[kept, 1], shortest)
 
 
 def _welded(model: BuildingModel) -> NDArray[np.int64]:
@@ -84,13 +78,12 @@ def _welded(model: BuildingModel) -> NDArray[np.int64]:
     return np.asarray(number.ravel())
 
 
-def _joined(start: Vector, end: Vector, element: NDArray[np.int64], shortest: float) -> ModelEdges:
+def _joined(start: Vector, end: Vector, shortest: float) -> ModelEdges:
     """Pieces on one line that touch or overlap as one edge."""
     along = end - start
     size = np.linalg.norm(along, axis=1)
     ok = size > 1e-6
-    start, along, element = start[ok], along[ok] / size[ok, None], element[ok]
-    end = end[ok]
+    start, end, along = start[ok], end[ok], along[ok] / size[ok, None]
     main = np.take_along_axis(along, np.abs(along).argmax(axis=1)[:, None], axis=1)
     along = along * np.sign(main)
     foot = start - along * np.einsum("ni,ni->n", along, start)[:, None]
@@ -99,23 +92,20 @@ def _joined(start: Vector, end: Vector, element: NDArray[np.int64], shortest: fl
     line = line.ravel()
     t = np.sort(np.column_stack([np.einsum("ni,ni->n", along, start), np.einsum("ni,ni->n", along, end)]), axis=1)
     order = np.lexsort((t[:, 0], line))
-    starts, ends, elements = [], [], []
-    last, low, high, longest, who, row = -1, 0.0, 0.0, 0.0, -1, -1
+    starts, ends = [], []
+    last, low, high, longest, row = -1, 0.0, 0.0, 0.0, -1
 
     def close() -> None:
         if row >= 0 and high - low >= shortest:
             starts.append(foot[row] + low * along[row])
             ends.append(foot[row] + high * along[row])
-            elements.append(who)
 
     for k in order:
         if line[k] != last or t[k, 0] > high + SAME_LINE_M:
             close()
-            last, low, high, longest, who, row = int(line[k]), float(t[k, 0]), float(t[k, 1]), 0.0, -1, int(k)
+            last, low, high, longest, row = int(line[k]), float(t[k, 0]), float(t[k, 1]), 0.0, int(k)
         high = max(high, float(t[k, 1]))
         if t[k, 1] - t[k, 0] > longest:
-            longest, who, row = float(t[k, 1] - t[k, 0]), int(element[k]), int(k)
+            longest, row = float(t[k, 1] - t[k, 0]), int(k)
     close()
-    return ModelEdges(
-        np.array(starts).reshape(-1, 3), np.array(ends).reshape(-1, 3), np.array(elements, dtype=np.int64).reshape(-1)
-    )
+    return ModelEdges(np.array(starts).reshape(-1, 3), np.array(ends).reshape(-1, 3))

@@ -94,7 +94,8 @@ class ImageRegistration:
     runner_up: float
     """What the best different pose explains, share of the best; near one: ambiguous."""
     chance: float
-    """The most that a pose drawn from the coarse sigma explains once pulled onto the lines, share of the best."""
+    """The most that a pose drawn from the coarse sigma explains once pulled onto the lines, share of the best; 1 for too few
+    lines to tell."""
     weak: tuple[WeakDirection, ...]
     note: str = ""
 
@@ -150,11 +151,12 @@ def register_image(
             "from the coarse pose, which its sigma does not allow; check the coarse pose and its sigma."
         ))
     weak = weak_directions(estimate, PosePrior(coarse.rotation_sigma, coarse.position_sigma))
-    chance = _by_chance(after, lines, known, estimate.covariance, coarse, model_sigma, seed)
+    used = sum(m.kept for m in matches)
+    few = used < LEAST_SURE - len(weak)
+    chance = 1.0 if few else _by_chance(after, lines, known, estimate.covariance, coarse, model_sigma, seed)
     note = ""
-    if sum(m.kept for m in matches) < LEAST_SURE - len(weak):
-        chance = 1.0
-        note = f"Only {sum(m.kept for m in matches)} lines lie on edges, which may be by chance; check the overlay."
+    if few:
+        note = f"Only {used} lines lie on edges, which may be by chance; check the overlay."
     elif runner_up > AMBIGUOUS:
         note = "Another pose explains the lines nearly as well; check the overlay."
     elif chance > MOST_BY_CHANCE:

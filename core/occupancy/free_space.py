@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..evidence.station_index import pseudo_azimuth, pseudo_elevation
 from ..parallel import spread
 from .grid import CELLS, SIDE, brick_corner
-from .ray_tests import all_before, any_farther, bin_passes, columns_within, depth, half_azimuth, rows_within
+from .ray_tests import all_before, any_farther, bin_passes, columns_within, depth, half_azimuth, rows_within, wrapped
 from .station_rays import PATCH, StationRays
 from .surface_fit import patch_of
 
@@ -61,7 +61,7 @@ def _passed(
         wide = patch_start[row // PATCH + 1] - patches
         c0, c1 = columns_within(azimuth, half, columns)
         for c in range(c0, c1 + 1):
-            column = c + columns if c < 0 else (c - columns if c >= columns else c)
+            column = wrapped(c, columns)
             b, p = base + column, patches + patch_of(column, columns, wide)
             if b != own and depth(p, limit, x, y, z, half_edge) <= bound[b] and bin_passes(
                 b, x, y, z, half_edge, end, bin_start
@@ -87,7 +87,7 @@ def _between(
         columns = row_start[row + 1] - base
         c0, c1 = columns_within(azimuth, half, columns)
         for c in range(c0, c1 + 1):
-            b = base + (c + columns if c < 0 else (c - columns if c >= columns else c))
+            b = base + wrapped(c, columns)
             seen += bin_start[b + 1] - bin_start[b]
             beyond &= nearest[b] > distance + half_diagonal
     if seen >= FEWEST_AROUND and beyond:

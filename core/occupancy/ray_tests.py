@@ -31,6 +31,12 @@ def columns_within(azimuth: float, half: float, columns: int) -> tuple[int, int]
     return first, last
 
 
+@njit(cache=True, nogil=True, inline="always")
+def wrapped(column: int, columns: int) -> int:
+    """A column that was counted on across the seam, at most one turn."""
+    return column + columns if column < 0 else (column - columns if column >= columns else column)
+
+
 @njit(cache=True, nogil=True)
 def half_azimuth(cosine: float, radius: float) -> float:
     """Upper bound of the half-width in azimuth [rad] of a cap around a direction of this ``cosine`` of the elevation; 4 where
@@ -56,7 +62,7 @@ def any_farther(
         columns = row_start[row + 1] - base
         c0, c1 = columns_within(azimuth, half, columns)
         for c in range(c0, c1 + 1):
-            if farthest[base + (c + columns if c < 0 else (c - columns if c >= columns else c))] > nearest:
+            if farthest[base + wrapped(c, columns)] > nearest:
                 return True
     return False
 
@@ -76,7 +82,7 @@ def all_before(
         wide = patch_start[row + 1] - base
         c0, c1 = columns_within(azimuth, half, wide)
         for c in range(c0, c1 + 1):
-            p = base + (c + wide if c < 0 else (c - wide if c >= wide else c))
+            p = base + wrapped(c, wide)
             if depth(p, limit, x, y, z, half_edge) <= limit[p, 3]:
                 return False
     return True

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..evidence.station_index import place
 from ..parallel import spread
+from .ray_tests import wrapped
 
 GUARD_VOXELS = 1.5
 """A ray empties nothing less than this many voxels in front of its surface."""
@@ -164,7 +165,7 @@ def _fit_rows(
                     columns = row_start[r + 1] - row_start[r]
                     low, top = bins_around(k, wide, columns)
                     for c in range(low, top + 1):
-                        at = sums[r - first, c + columns if c < 0 else (c - columns if c >= columns else c)]
+                        at = sums[r - first, wrapped(c, columns)]
                         for n in range(SUMS):
                             s[n] += at[n]
                 p = patch_start[patch_row] + k

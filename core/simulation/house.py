@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .furniture import bed, chair, counter, shelf, sofa, table
 from .house_builder import Axis, HouseBuilder, Point, Solid, at, box, prism, tube
 
 LENGTH, WIDTH = 10000.0, 7500.0
@@ -430,22 +431,22 @@ def _ceilings_and_ducts(house: HouseBuilder, ground: Any) -> None:
 
 def _furniture(house: HouseBuilder, ground: Any, upper: Any) -> None:
     pieces: list[tuple[str, list[Solid], Any]] = [
-        ("Dining table", _table(0, 0, 1900, 950, 740, "oak"), at(3600, 1500, 0)),
-        *[(f"Chair {i + 1}", _chair(), spot) for i, spot in enumerate((
+        ("Dining table", table(0, 0, 1900, 950, 740, "oak"), at(3600, 1500, 0)),
+        *[(f"Chair {i + 1}", chair(), spot) for i, spot in enumerate((
             at(3850, 1420, 0), at(4800, 1420, 0), at(4300, 2530, 0, 180), at(5250, 2530, 0, 180),
         ))],
-        ("Sofa", _sofa(), at(700, 4100, 0, -90)),
+        ("Sofa", sofa(), at(700, 4100, 0, -90)),
         ("Sideboard", [box(0, 0, 0, 1800, 420, 620, "white")], at(2300, 5600, 0)),
-        ("Kitchen counter", _counter(), at(9690, 500, 0, 90)),
-        ("Bookshelf", _shelf(), at(620, 450, 0, 90)),
+        ("Kitchen counter", counter(), at(9690, 500, 0, 90)),
+        ("Bookshelf", shelf(), at(620, 450, 0, 90)),
     ]
     for name, solids, place in pieces:
         _piece(house, name, solids, place, ground)
     level = UPPER
-    _piece(house, "Double bed", _bed(1600), at(400, 1500, level), upper)
-    _piece(house, "Single bed", _bed(1000), at(7500, 2600, level), upper)
+    _piece(house, "Double bed", bed(1600), at(400, 1500, level), upper)
+    _piece(house, "Single bed", bed(1000), at(7500, 2600, level), upper)
     _piece(house, "Wardrobe", [box(0, 0, 0, 2000, 600, 2050, "oak")], at(1000, 3650, level), upper)
-    _piece(house, "Desk", _table(0, 0, 1400, 650, 740, "white"), at(5250, 700, level), upper)
+    _piece(house, "Desk", table(0, 0, 1400, 650, 740, "white"), at(5250, 700, level), upper)
     house.add(
         "IfcBuildingElementProxy", "Water tank",
         [tube(9250, 6700, "z", 120, 1600, 300, "white"), *[
@@ -460,42 +461,3 @@ def _piece(house: HouseBuilder, name: str, solids: Sequence[Solid], place: Any, 
         "IfcFurniture", name, solids, storey, place=place, type_class="IfcFurnitureType",
         type_name=name.rstrip(" 1234"),
     )
-
-
-def _table(x: float, y: float, length: float, depth: float, height: float, style: str) -> list[Solid]:
-    legs = [(a, b) for a in (x + 40, x + length - 100) for b in (y + 40, y + depth - 100)]
-    top = box(x, y, height - 40, length, depth, 40, style)
-    return [top, *[box(a, b, 0, 60, 60, height - 40, style) for a, b in legs]]
-
-
-def _chair() -> list[Solid]:
-    legs = [box(x, y, 0, 40, 40, 430, "timber") for x in (0, 410) for y in (0, 410)]
-    return [*legs, box(0, 0, 430, 450, 450, 40, "fabric"), box(0, 0, 470, 450, 40, 430, "timber")]
-
-
-def _sofa() -> list[Solid]:
-    return [
-        box(0, 0, 80, 2200, 900, 340, "fabric"), box(0, 0, 420, 2200, 220, 380, "fabric"),
-        box(0, 220, 420, 200, 680, 180, "fabric"), box(2000, 220, 420, 200, 680, 180, "fabric"),
-        *[box(x, y, 0, 60, 60, 80, "anthracite") for x in (40, 2100) for y in (40, 800)],
-    ]
-
-
-def _counter() -> list[Solid]:
-    return [
-        box(0, 0, 100, 3300, 600, 760, "white"), box(0, 0, 860, 3300, 630, 40, "anthracite"),
-        box(50, 50, 0, 3200, 500, 100, "anthracite"),
-    ]
-
-
-def _shelf() -> list[Solid]:
-    boards = [box(30, 0, z, 940, 300, 30, "oak") for z in (0, 400, 800, 1200, 1600, 1970)]
-    return [box(0, 0, 0, 30, 300, 2000, "oak"), box(970, 0, 0, 30, 300, 2000, "oak"), *boards]
-
-
-def _bed(width: float) -> list[Solid]:
-    return [
-        box(0, 0, 150, 2050, width, 180, "oak"), box(30, 30, 330, 1980, width - 60, 190, "white"),
-        box(-40, 0, 0, 40, width, 950, "oak"),
-        *[box(x, y, 0, 80, 80, 150, "oak") for x in (0, 1970) for y in (0, width - 80)],
-    ]
