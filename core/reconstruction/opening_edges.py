@@ -18,8 +18,12 @@ OPEN_SHARE = 0.6
 LEAST_CELLS = 2
 JUMP_M = 0.1
 """What is open beyond a longer stretch of nothing seen need not belong to the same hole."""
+LEAST_PIER_M = 0.06
+"""No wall is as narrow between two holes: the end of a leaf that stands open at right angles before the wall is 4 or 5 cm."""
 SEEN_CELLS = 3.0
 """An edge is seen where what is open and what is solid come this close."""
+WITHIN_CELLS = 1.5
+"""A face may reach so far beyond the line of cells at which its hole was found to begin."""
 LEAST_STRIPS = 3
 BEAM_M = 0.002
 """Neighbouring strips share the width of the beam and the grid of the scanner; that much of an edge's error stays."""
@@ -59,23 +63,27 @@ def gathered(sides: list[Crossings], band: float) -> Returns:
     u, z, depth, end_u, end_z = (
         np.concatenate([getattr(s, name) for s in sides]) for name in ("u", "z", "depth", "end_u", "end_z")
     )
-    return Returns(u, z, np.abs(depth) <= band, depth > band, end_u, end_z, depth)
+    on = np.concatenate([(s.depth >= -s.proud(band)) & (s.depth <= band) for s in sides])
+    return Returns(u, z, on, depth > band, end_u, end_z, depth)
 
 
-def bracket(holes: Flags, solid: Flags, end: int, sign: int, most_jump: int) -> tuple[int, int]:
+def bracket(holes: Flags, solid: Flags, end: int, sign: int, most_jump: int, pier: int) -> tuple[int, int]:
     """(last line that is open, first line that is solid) from line ``end`` of a hole outwards.
 
     ``holes`` and ``solid`` are (lines, across) restricted to the hole across; ``sign`` 1 outwards is towards larger lines.
     Lines of which nothing is known lie between the two. Without a solid line the second is the raster's own border.
+    What is solid on fewer than ``pier`` lines before it opens again is no wall.
     """
     inner, jump = end, 0
+    open_cells, solid_cells = holes.sum(axis=1), solid.sum(axis=1)
+    is_wall = (solid_cells >= LEAST_CELLS) & (open_cells <= OPEN_SHARE * (open_cells + solid_cells))
+    is_open = (open_cells >= LEAST_CELLS) & ~is_wall
     line = end + sign
     while 0 <= line < len(holes):
-        open_cells, solid_cells = int(holes[line].sum()), int(solid[line].sum())
-        known = open_cells + solid_cells
-        if solid_cells >= LEAST_CELLS and open_cells <= OPEN_SHARE * known:
+        beyond = is_open[line : line + pier] if sign > 0 else is_open[max(line - pier + 1, 0) : line + 1]
+        if is_wall[line] and not beyond.any():
             return inner, line
-        if open_cells >= LEAST_CELLS:
+        if is_open[line]:
             if jump > most_jump:
                 return inner, line
             inner, jump = line, 0
@@ -85,13 +93,16 @@ def bracket(holes: Flags, solid: Flags, end: int, sign: int, most_jump: int) -> 
     return inner, line
 
 
-def seen_edge(at: Array, across: Array, on: Flags, behind: Flags, edge: float, cell: float, side: float) -> EdgePlace | None:
+def seen_edge(
+    at: Array, across: Array, on: Flags, behind: Flags, inner: float, outer: float, cell: float, side: float
+) -> EdgePlace | None:
     """The edge between the last return on the face and the first one behind it, median over strips; None if not seen.
 
-    ``side`` 1 where the hole begins, -1 where it ends.
+    Up to ``inner`` it is open, from ``outer`` on solid; ``side`` 1 where the hole begins, -1 where it ends. What lies on
+    the face farther within the hole is a leaf that stands open.
     """
-    close = np.abs(at - edge) < SEEN_CELLS * cell
-    solid, through = on & close, behind & close
+    close = np.abs(at - 0.5 * (inner + outer)) < SEEN_CELLS * cell
+    solid, through = on & close & (side * (at - inner) < WITHIN_CELLS * cell), behind & close
     if solid.sum() < LEAST_STRIPS or through.sum() < LEAST_STRIPS:
         return None
     width = max(2.0 * cell, 0.04)

@@ -13,6 +13,7 @@ from .crossings import Crossings
 from .opening_edges import (
     JUMP_M,
     LEAST_CELLS,
+    LEAST_PIER_M,
     SEEN_CELLS,
     SIDES,
     EdgePlace,
@@ -118,13 +119,16 @@ def _side_state(c: Crossings, u0: float, z0: float, cell: float, shape: tuple[in
     flat = iu * shape[1] + iz
     size = shape[0] * shape[1]
     counts = {}
-    for name, chosen in (("on", c.on_face(band)), ("behind", c.depth > band), ("front", c.depth < -band)):
+    proud, own = c.depth < -c.proud(band), np.abs(c.depth) <= band
+    for name, chosen in (
+        ("on", own & ~proud), ("behind", c.depth > band), ("front", c.depth < -band), ("proud", own & proud)
+    ):
         counts[name] = np.bincount(flat[chosen], minlength=size).reshape(shape).astype(np.float64)
     near = {k: uniform_filter(v, 3, mode="constant") * 9 for k, v in counts.items()}
     state = np.full(shape, VOID, dtype=np.int8)
-    state[(near["front"] > 0.5)] = HIDDEN
+    state[near["front"] + near["proud"] > 0.5] = HIDDEN
     for source in (near, counts):
-        known = source["on"] + source["behind"] > 0.5
+        known = (source["on"] + source["behind"] > 0.5) & (source["on"] + source["behind"] >= source["proud"])
         state[known & (source["behind"] > source["on"])] = OPEN
         state[known & (source["behind"] <= source["on"])] = SOLID
     return state
@@ -255,7 +259,7 @@ def _refined(
         if abs(outer - inner) < (SEEN_CELLS + 0.5) * cell:
             for chosen in (near, whole):
                 place = place or seen_edge(
-                    at, across, rays.on & chosen, rays.behind & chosen, 0.5 * (inner + outer), cell, (1.0, -1.0)[k % 2]
+                    at, across, rays.on & chosen, rays.behind & chosen, inner, outer, cell, (1.0, -1.0)[k % 2]
                 )
         if place is None:
             limits = (min(inner, outer) - 2 * cell, max(inner, outer) + 2 * cell)
@@ -289,13 +293,13 @@ def _brackets(raster: FaceRaster, rectangle: Rectangle) -> list[tuple[float, flo
     """For each edge the place up to which it is open, and that from which it is solid [m], hidden parts between them."""
     i0, i1, k0, k1 = rectangle
     hole, solid = raster.state == OPEN, raster.state == SOLID
-    jump = max(int(JUMP_M / raster.cell), 1)
+    jump, pier = max(int(JUMP_M / raster.cell), 1), int(np.ceil(LEAST_PIER_M / raster.cell)) + 1
     for _ in range(2):
         u_hole, u_solid = hole[:, k0:k1], solid[:, _clear_of_edges(k0, k1)]
-        left, right = bracket(u_hole, u_solid, i0, -1, jump), bracket(u_hole, u_solid, i1 - 1, 1, jump)
+        left, right = bracket(u_hole, u_solid, i0, -1, jump, pier), bracket(u_hole, u_solid, i1 - 1, 1, jump, pier)
         i0, i1 = left[0], right[0] + 1
         z_hole, z_solid = hole[i0:i1].T, solid[_clear_of_edges(i0, i1)].T
-        down, up = bracket(z_hole, z_solid, k0, -1, jump), bracket(z_hole, z_solid, k1 - 1, 1, jump)
+        down, up = bracket(z_hole, z_solid, k0, -1, jump, pier), bracket(z_hole, z_solid, k1 - 1, 1, jump, pier)
         k0, k1 = down[0], up[0] + 1
     c = raster.cell
     return [

@@ -128,6 +128,17 @@ def test_a_hole_seen_down_to_the_floor_beside_or_below_what_hides_it_is_not_in_d
     assert opening.z0 == pytest.approx(0.0, abs=0.01)
 
 
+@pytest.mark.parametrize("before_face", [0.0, 0.005, 0.01, 0.02])
+def test_the_end_of_a_leaf_that_stands_open_is_no_wall(before_face: float) -> None:
+    """4 cm of leaf, 5 cm beside the edge of its hole: a frame behind the face is seen between the two."""
+    side = rays(None, DOOR)
+    leaf = (side.u > DOOR[0] + 0.05) & (side.u < DOOR[0] + 0.09) & (side.z > 0.01) & (side.z < DOOR[3] - 0.05)
+    side.depth[leaf] = np.random.default_rng(2).normal(-before_face, 0.002, int(leaf.sum()))
+    openings = find_openings(face_raster([side], (0.0, 4.0), (0.0, 2.6), BAND), [side], 0.0, 0.12, BAND, False)
+    assert [o.hidden for o in openings] == [()]
+    assert (openings[0].u0, openings[0].u1) == pytest.approx(DOOR[:2], abs=0.01)
+
+
 def test_an_open_leaf_is_no_reveal() -> None:
     rng = np.random.default_rng(3)
     z, noise = rng.uniform(0.0, 2.0, 400), rng.normal(0.0, 0.002, 400)
