@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from shapely import Polygon, union_all
 
 from .house_builder import HouseBuilder, Solid, prism
 
@@ -126,9 +127,12 @@ def write_building(path: str | Path, storeys: Sequence[PlannedStorey], *, turn_d
     builder = HouseBuilder("IFC4")
     stations = []
     level = elevation
-    for storey in storeys:
+    for k, storey in enumerate(storeys):
+        above = storeys[k + 1].footprint() if k + 1 < len(storeys) else []
         maker = _StoreyMaker(builder, builder.storey(storey.name, 1000 * level), level, storey, to_mm)
-        maker.build(furniture)
+        maker.build(furniture, above)
+        if k == 0:
+            maker.slab("Floor", storey.footprint(), -storey.slab, "FLOOR")
         for x, y, z in storey.stations:
             (px, py), = to_mm([(x, y)])
             stations.append((px / 1000, py / 1000, level + z))
@@ -145,11 +149,16 @@ class _StoreyMaker:
     storey: PlannedStorey
     to_mm: Any
 
-    def build(self, furniture: bool) -> None:
+    def slab(self, name: str, outline: Sequence[XY], bottom: float, predefined: str) -> None:
+        """A slab ``bottom`` metres above the floor."""
+        self._solid("IfcSlab", name, outline, bottom, self.storey.slab, "concrete", predefined=predefined)
+
+    def build(self, furniture: bool, above: Sequence[XY]) -> None:
+        """All but the floor. ``above`` is the footprint of the storey that stands on this one's ceiling."""
         s = self.storey
-        foot = s.footprint()
-        self._solid("IfcSlab", "Floor", foot, -s.slab, s.slab, "concrete", predefined="FLOOR")
-        self._solid("IfcSlab", "Ceiling", foot, s.height, s.slab, "concrete", predefined="ROOF")
+        whole = union_all([Polygon(s.footprint()), Polygon(above)]).normalize()
+        assert isinstance(whole, Polygon), "a storey must stand on the one below"
+        self.slab("Ceiling", list(whole.reverse().exterior.coords)[:-1], s.height, "FLOOR" if above else "ROOF")
         for wall in (*s.outer_walls(), *s.walls):
             self._wall(wall)
         for k, (x, y, w, d) in enumerate(s.columns):
