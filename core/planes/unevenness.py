@@ -1,9 +1,9 @@
 """What neighbouring returns share: unevenness of the surface and correlated error, estimated from the residuals.
 
-Residuals are averaged in cells of the plane. The cells' means are taken as a smooth error with an exponential correlation
-and an independent remainder; both are estimated by restricted maximum likelihood, which counts the three parameters that
-the fit has taken out of the residuals. The plane's covariance then holds the smooth part as well, and does not fall with
-the number of returns where their errors are shared.
+Residuals are averaged in cells of the plane. The cells' means are taken as a smooth error with an exponential correlation,
+averaged over the cells, and an independent remainder; both are estimated by restricted maximum likelihood, which counts the
+three parameters that the fit has taken out of the residuals. The plane's covariance then holds the smooth part as well, and
+does not fall with the number of returns where their errors are shared.
 """
 
 from __future__ import annotations
@@ -23,6 +23,16 @@ LEAST_CELLS = 9
 SMALLEST_CELL_M = 0.04
 RATIOS = np.concatenate([[0.0], np.geomspace(0.03, 3000.0, 12)])
 """Smooth variance over the independent variance of an average cell."""
+LENGTHS = np.array([0.03, 0.06, 0.12, 0.25, 0.5])
+"""Correlation lengths, shares of the surface's extent."""
+NEAR = np.geomspace(0.35, 2.83, 7)
+"""Around the best of them, factors."""
+
+_nodes, _weights = np.polynomial.legendre.leggauss(3)
+OFFSET = np.concatenate([_nodes - 1.0, _nodes + 1.0]) / 2.0
+"""How far two places in two cells are apart beyond the cells themselves, as shares of a cell, for integration ..."""
+OFFSET_WEIGHT = 0.5 * np.tile(_weights, 2) * (1.0 - np.abs(OFFSET))
+"""... with their weights: the difference of two evenly distributed numbers."""
 
 
 @dataclass(frozen=True)
@@ -38,58 +48,77 @@ class Unevenness:
 
 @dataclass(frozen=True)
 class _Cells:
-    place: Array
+    number: NDArray[np.int64]
+    """(K, 2) which cell of the grid."""
+    size: Array
+    """(2,) metres."""
     mean: Array
     count: Array
     index: NDArray[np.int64]
     within: float
     """Variance of the residuals within the cells."""
 
+    def correlation(self, length: float) -> Array:
+        """(K, K) of the cells' means of an error whose correlation falls exponentially with ``length`` [m]."""
+        steps = [np.arange(n) for n in self.number.max(axis=0) + 1]
+        x, y = ((step[:, None] + OFFSET) * size for step, size in zip(steps, self.size, strict=True))
+        apart = np.hypot(x[:, None, :, None], y[None, :, None, :])
+        table = np.einsum("abpq,p,q->ab", np.exp(-apart / length), OFFSET_WEIGHT, OFFSET_WEIGHT)
+        off = np.abs(self.number[:, None] - self.number[None])
+        return np.asarray(table[off[..., 0], off[..., 1]])
 
-def estimate_unevenness(plane: Plane, points: Array) -> Unevenness | None:
-    """The smooth error of the surface that (N, 3) points show about their plane; None where too little is seen."""
-    cells = _cells(plane, points)
-    if cells is None:
-        return None
-    noise = cells.within / cells.count
-    distance = np.linalg.norm(cells.place[:, None] - cells.place[None], axis=2)
-    design = np.column_stack([np.ones(len(cells.mean)), cells.place - cells.place.mean(axis=0)])
-    extent = float(distance.max())
-    unit = float(noise.mean())
 
-    def better(best: tuple[float, float, float], lengths: Array, ratios: Array) -> tuple[float, float, float]:
-        for length in lengths:
-            correlation = np.exp(-distance / length)
-            for ratio in ratios:
-                value = _restricted(cells.mean, design, ratio * unit * correlation + np.diag(noise))
-                if value < best[0] - 1e-9:
-                    best = (value, float(ratio * unit), float(length))
-        return best
+def _explored(cells: _Cells, variances: Array, lengths: Array) -> Array:
+    """(L, V) twice the negative restricted log-likelihood of smooth variances [m2] and correlation lengths [m]."""
+    noise = np.diag(cells.within / cells.count)
+    place = cells.number * cells.size
+    design = np.column_stack([np.ones(len(place)), place - place.mean(axis=0)])
+    out = np.empty((len(lengths), len(variances)))
+    for row, length in enumerate(lengths):
+        correlation = cells.correlation(float(length))
+        out[row] = [_restricted(cells.mean, design, v * correlation + noise) for v in variances]
+    return out
 
-    best = better((np.inf, 0.0, extent / 4), extent * np.array([0.03, 0.06, 0.12, 0.25, 0.5]), RATIOS)
-    if best[1] > 0:
-        best = better(best, best[2] * np.array([0.71, 1.0, 1.41]), best[1] / unit * np.array([0.6, 0.8, 1.0, 1.25, 1.7]))
-    return Unevenness(float(np.sqrt(best[1])), best[2], float(np.sqrt(cells.within)), len(cells.mean))
+
+def _likely(cells: _Cells) -> tuple[Array, Array, Array]:
+    """(V,) smooth variances [m2], (L,) correlation lengths [m], and how likely each pair is (L, V), all together 1."""
+    unit = float((cells.within / cells.count).mean())
+    extent = float(np.linalg.norm(np.ptp(cells.number, axis=0) * cells.size))
+    variances, lengths = RATIOS * unit, extent * LENGTHS
+    length, variance = np.unravel_index(np.argmin(_explored(cells, variances, lengths)), (len(lengths), len(variances)))
+    if variances[variance] <= 0:
+        return np.zeros(1), lengths[length : length + 1], np.ones((1, 1))
+    variances, lengths = variances[variance] * NEAR, lengths[length] * NEAR
+    value = _explored(cells, variances, lengths)
+    weight = np.exp(-0.5 * (value - value.min()))
+    return variances, lengths, weight / weight.sum()
 
 
 def with_unevenness(plane: Plane, points: Array) -> tuple[Plane, Unevenness | None]:
     """The plane with the smooth error of its surface in its covariance, and the independent part scaled to what the
-    residuals show; and that smooth error."""
-    found = estimate_unevenness(plane, points)
-    if found is None:
-        return plane.replaced(covariance=plane.covariance * max(plane.variance_factor, 1.0)), None
+    residuals show; and that smooth error, None where too little is seen of it.
+
+    The residuals leave open how large and how long the smooth error is: the covariance is the mean over what is likely.
+    """
     cells = _cells(plane, points)
-    assert cells is not None
+    if cells is None:
+        return plane.replaced(covariance=plane.covariance * max(plane.variance_factor, 1.0)), None
+    variances, lengths, likely = _likely(cells)
     q = np.asarray(points, dtype=np.float64) - plane.centroid
     at = q @ plane.axes.T
     spread = (at**2).sum(axis=0)
     # turns by least squares of the heights: -(e . q) / sum (e . q)^2; the shift is their mean
     gradient = np.column_stack([-at / spread, np.full(len(q), 1.0 / len(q))])
     share = np.stack([np.bincount(cells.index, gradient[:, k], len(cells.mean)) for k in range(3)], axis=1)
-    distance = np.linalg.norm(cells.place[:, None] - cells.place[None], axis=2)
-    smooth = share.T @ (found.sigma**2 * np.exp(-distance / found.length)) @ share
+    smooth = np.zeros((3, 3))
+    for length, variance in zip(lengths, likely @ variances, strict=True):
+        smooth += variance * share.T @ cells.correlation(float(length)) @ share
     predicted = plane.residual_sigma**2 / max(plane.variance_factor, 1e-12)
-    white = plane.covariance * (found.white_sigma**2 / max(predicted, 1e-18))
+    white = plane.covariance * (cells.within / max(predicted, 1e-18))
+    row, column = np.unravel_index(np.argmax(likely), likely.shape)
+    found = Unevenness(
+        float(np.sqrt(variances[column])), float(lengths[row]), float(np.sqrt(cells.within)), len(cells.mean)
+    )
     return plane.replaced(covariance=white + smooth), found
 
 
@@ -100,15 +129,14 @@ def _cells(plane: Plane, points: Array) -> _Cells | None:
     size = max(float(np.sqrt(span.prod() / MOST_CELLS)), float(span.max()) / 60, SMALLEST_CELL_M)
     grid = np.minimum((span / size).astype(np.int64) + 1, 100)
     number = np.minimum(((at - low) / size).astype(np.int64), grid - 1)
-    used, index = np.unique(number[:, 0] * grid[1] + number[:, 1], return_inverse=True)
+    used, first, index = np.unique(number[:, 0] * grid[1] + number[:, 1], return_index=True, return_inverse=True)
     index = index.ravel().astype(np.int64)
     count = np.bincount(index).astype(np.float64)
     if len(used) < LEAST_CELLS or len(points) - len(used) < 20:
         return None
     mean = np.bincount(index, off) / count
-    place = np.stack([np.bincount(index, at[:, k]) / count for k in range(2)], axis=1)
     within = float(((off - mean[index]) ** 2).sum() / (len(points) - len(used)))
-    return _Cells(place, mean, count, index, max(within, 1e-14))
+    return _Cells(number[first], np.full(2, size), mean, count, index, max(within, 1e-14))
 
 
 def _restricted(values: Array, design: Array, covariance: Array) -> float:
