@@ -16,6 +16,7 @@ from .bundle_kernels import POSE
 from .camera import Camera, rotation_vector
 from .edge_bearers import EdgeBearers, together
 from .element_errors import joint_covariance, line_distances
+from .mistaken_lines import mistaken_px
 from .uncertain_lines import LineMatches
 
 Floats = NDArray[np.float64]
@@ -69,7 +70,8 @@ class LineTerm:
         bearers = together([i.bearers for i in images])
         parts = [line_distances(i.matches, c, model_sigma, False) for i, c in zip(images, placed, strict=True)]
         to_point, own = (np.concatenate([p[k] for p in parts]) for k in (2, 3))
-        cov = joint_covariance(to_point, own, bearers, model_sigma)
+        mistaken = np.array([mistaken_px(c.interior.width) ** 2 for c in placed]).repeat([len(i.matches) for i in images])
+        cov = joint_covariance(to_point, own + mistaken[:, None, None], bearers, model_sigma)
         self._factor = cho_factor(cov, lower=True)
 
     def normals(self, cameras: Sequence[Camera]) -> tuple[Floats, Floats, float, int]:

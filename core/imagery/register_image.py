@@ -16,6 +16,7 @@ from .detect_lines import ImageLines
 from .edge_bearers import EdgeBearers
 from .element_errors import estimate_with_elements
 from .line_pose import PoseEstimate, PosePrior, pose_difference
+from .mistaken_lines import SEARCH_WIDTH, mistaken_px
 from .pose_search import WIDE, gate, refine, score_pose, search
 from .uncertain_lines import LineMatches
 from .visible_edges import EdgeViewer, VisibleEdges
@@ -29,8 +30,6 @@ KEPT = 40
 CONFIRMATIONS = 3
 """So many hypotheses from different matches must lead to one pose before the search ends early."""
 MOST_EDGES, MOST_LINES = 120, 500
-SEARCH_WIDTH = 0.002
-"""Tolerance of a hypothesis built on few matches, share of the image's width."""
 LIMIT = 6.0
 """Squared normalised distance at which a match has no more worth in the score."""
 WIDTHS = (1.0, 0.5, 0.25, 0.1, 0.1)
@@ -40,9 +39,6 @@ SAME_POSE_M, SAME_POSE_RAD = 0.03, math.radians(0.5)
 TEST = 13.8
 """Chi-square of two degrees at 99.9 %: matches beyond it, scaled by the variance factor, are taken out."""
 MOST_OUT = 0.5
-MISTAKEN = 0.1
-"""Share of the matches that are wrong and pass their tests: lines of something else within the tolerance, as found in photos of
-two buildings whose truth is known."""
 LOOKS = 2
 FARTHEST = 35.0
 """Chi-square of six degrees that is never reached: a pose beyond it contradicts the coarse one."""
@@ -308,7 +304,7 @@ def adjust_matches(
     tests[kept] = estimate.test
     estimate = _estimate(
         matches, kept, bearers, model_sigma, estimate.camera, coarse, focal,
-        mistaken_px=math.sqrt(MISTAKEN / 3.0) * SEARCH_WIDTH * known.camera.interior.width,
+        mistaken_px=mistaken_px(known.camera.interior.width),
     )
     return estimate, tuple(
         MatchedLine(

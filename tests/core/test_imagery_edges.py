@@ -14,8 +14,9 @@ from bim_verify.core.imagery.crowded_edges import RESOLUTION_PX, crowding
 from bim_verify.core.imagery.detect_lines import ImageLines
 from bim_verify.core.imagery.edge_bearers import element_design, free_edges, meeting_of
 from bim_verify.core.imagery.line_pose import pose_difference
+from bim_verify.core.imagery.mistaken_lines import MISTAKEN, SEARCH_WIDTH
 from bim_verify.core.imagery.model_edges import sharp_edges
-from bim_verify.core.imagery.register_image import MISTAKEN, SEARCH_WIDTH, register_image
+from bim_verify.core.imagery.register_image import register_image
 from bim_verify.core.imagery.visible_edges import EdgeViewer
 from bim_verify.core.simulation.box_building import box, building_model
 from bim_verify.core.simulation.photo_block import as_built, edge_lines
