@@ -83,7 +83,7 @@ def as_built_dimensions(result: VerificationResult) -> list[Dimension]:
 
 
 def _registration(result: VerificationResult) -> float:
-    """Of two faces that different stations saw [m]."""
+    """Of two faces that different stations saw, as those of an opening mostly are [m]."""
     if len(result.stations) < 2:
         return 0.0
     return float(np.sqrt(2.0)) * max(s.registration_sigma for s in result.stations)
@@ -162,7 +162,7 @@ def _widths(
             if planned <= 0.0 or place is None:
                 continue
             found = distance_between(a.plane, b.plane, place)
-            found = Estimate(found.value, float(np.hypot(found.sigma, shared if a.element != b.element else 0.0)))
+            found = Estimate(found.value, float(np.hypot(found.sigma, shared)))
             between = (names[a.element], names[b.element]) if a.element != b.element else (names[a.element],)
             yield width(region.name, region.global_id, what(a), between, found, planned)
 
