@@ -85,26 +85,26 @@ def _sort_into_bins(
     """Stable counting sort; the same result for any number of chunks."""
     n, bins = len(offsets), row_start[-1]
     where = np.empty(n, np.int32)
-    counts = np.zeros((chunks, bins), np.int32)
+    goes = np.zeros((chunks, bins), np.int32)
     for c in prange(chunks):
         for i in range(n * c // chunks, n * (c + 1) // chunks):
             b = _bin_of(offsets, i, rows, row_start)
             where[i] = b
-            counts[c, b] += 1
+            goes[c, b] += 1
     start = np.empty(bins + 1, np.int64)
-    place = np.empty((chunks, bins), np.int64)
     total = 0
     for b in range(bins):
         start[b] = total
         for c in range(chunks):
-            place[c, b] = total
-            total += counts[c, b]
+            here = goes[c, b]
+            goes[c, b] = total
+            total += here
     start[bins] = total
     out = np.empty((n, 3), np.float32)
     for c in prange(chunks):
         for i in range(n * c // chunks, n * (c + 1) // chunks):
-            at = place[c, where[i]]
-            place[c, where[i]] = at + 1
+            at = goes[c, where[i]]
+            goes[c, where[i]] = at + 1
             out[at, 0] = offsets[i, 0]
             out[at, 1] = offsets[i, 1]
             out[at, 2] = offsets[i, 2]
@@ -314,10 +314,10 @@ def _hash(p: NDArray[np.uint32]) -> np.uint64:
     return h
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, parallel=True)
 def _probes(bits: NDArray[np.uint32], below: np.uint64) -> NDArray[np.bool_]:
-    out = np.zeros(len(bits), np.bool_)
-    for i in range(len(bits)):
+    out = np.empty(len(bits), np.bool_)
+    for i in prange(len(bits)):
         out[i] = _hash(bits[i]) < below
     return out
 
