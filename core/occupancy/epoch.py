@@ -64,7 +64,7 @@ def settled(occupied: Occupied, table: BrickTable, wanted: NDArray[np.bool_]) ->
 
     A ray that grazes an occupied voxel, and noise at the border of two, would else empty what stands.
     """
-    state = np.zeros((len(table), CELLS), np.uint8)
+    state = np.empty((len(table), CELLS), np.uint8)
     around = occupied.table.around(table.keys)
     _settle(wanted, around, np.packbits(occupied.cells, axis=1, bitorder="little"), state)
     return state
@@ -123,6 +123,7 @@ def _settle(
         for n in range(27):
             nobody &= around[row, n] < 0
         if nobody:
+            state[row] = UNSEEN
             continue
         wide = np.empty((10, 10), np.int64)  # a bit for each voxel along z that is occupied or beside one that is
         for i in range(10):

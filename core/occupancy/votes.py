@@ -127,9 +127,9 @@ def _full(order: NDArray[np.int64], tally: NDArray[np.unsignedinteger[Any]], nee
 @njit(cache=True, nogil=True, parallel=True)
 def _conclude(
     order: NDArray[np.int64], tally: NDArray[np.unsignedinteger[Any]], need: int, mask: int, least: int,
-) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """(B, 512) occupied voxels, and (B,) how many of them have fewer returns than ``least``."""
-    cells, sparse = np.empty((len(order), CELLS), np.bool_), np.empty(len(order), np.int64)
+    cells: NDArray[np.bool_], sparse: NDArray[np.int64],
+) -> None:
+    """Fill (B, 512) the occupied voxels, and (B,) how many of them have fewer returns than ``least``."""
     for n in prange(len(order)):
         few = 0
         for cell in range(CELLS):
@@ -137,7 +137,6 @@ def _conclude(
             cells[n, cell] = t >= need
             few += (t >= need) & ((t & mask) < least)
         sparse[n] = few
-    return cells, sparse
 
 
 @dataclass
@@ -156,15 +155,17 @@ class Votes:
     def __post_init__(self) -> None:
         self._bits = int(self.least).bit_length()
         small = (VOTE * self.least) << self._bits < 1 << 16
-        self._tally = np.zeros((len(self._keys), CELLS), np.uint16 if small else np.uint32)
-        """Of each voxel its votes, and in the lower ``_bits`` its returns; of neither more than are asked for."""
+        self._tally = np.empty((len(self._keys), CELLS), np.uint16 if small else np.uint32)
+        """Of each voxel its votes, and in the lower ``_bits`` its returns; of neither more than are asked for. Cleared when a
+        brick is entered: numpy's empty memory has large pages where the system offers them, its zeros have not."""
         self._table = BrickTable(np.empty(0, np.int64), len(self._keys))
 
     def _grow(self) -> None:
-        rows = len(self._keys) + len(self._keys) // 2
-        self._keys.resize(rows, refcheck=False)  # in place where the system can, and zero beyond
-        self._tally.resize((rows, CELLS), refcheck=False)
-        self._table = BrickTable(self._keys[: self._used].copy(), len(self._keys))
+        keys, tally, used = self._keys, self._tally, self._used
+        self._keys = np.empty(len(keys) + len(keys) // 2, np.int64)
+        self._tally = np.empty((len(self._keys), CELLS), tally.dtype)
+        self._keys[:used], self._tally[:used] = keys[:used], tally[:used]
+        self._table = BrickTable(self._keys[:used].copy(), len(self._keys))
 
     def add(
         self, offsets: NDArray[np.float32], station: NDArray[np.float64], spacing_rad: float,
@@ -189,9 +190,11 @@ class Votes:
         )
         run = 0
         while True:
+            known = self._used
             run, self._used = _enter_new(
-                new, news, run, self._table.slot_key, self._table.slot_row, self._keys, self._used, new_row
+                new, news, run, self._table.slot_key, self._table.slot_row, self._keys, known, new_row
             )
+            self._tally[known : self._used] = 0
             if run == len(news):
                 break
             self._grow()
@@ -202,7 +205,8 @@ class Votes:
         order = np.argsort(self._keys[: self._used])
         need = (VOTE * self.least) << self._bits
         order = order[_full(order, self._tally, need)]
-        cells, sparse = _conclude(order, self._tally, need, (1 << self._bits) - 1, self.least)
+        cells, sparse = np.empty((len(order), CELLS), np.bool_), np.empty(len(order), np.int64)
+        _conclude(order, self._tally, need, (1 << self._bits) - 1, self.least, cells, sparse)
         return Occupied(BrickTable(self._keys[order]), cells, int(sparse.sum()))
 
 
