@@ -155,7 +155,7 @@ class Votes:
     def __post_init__(self) -> None:
         self._bits = int(self.least).bit_length()
         small = (VOTE * self.least) << self._bits < 1 << 16
-        self._tally = np.empty((len(self._keys), CELLS), np.uint16 if small else np.uint32)
+        self._tally: NDArray[np.unsignedinteger[Any]] = np.empty((len(self._keys), CELLS), np.uint16 if small else np.uint32)
         """Of each voxel its votes, and in the lower ``_bits`` its returns; of neither more than are asked for. Cleared when a
         brick is entered: numpy's empty memory has large pages where the system offers them, its zeros have not."""
         self._table = BrickTable(np.empty(0, np.int64), len(self._keys))
