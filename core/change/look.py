@@ -181,11 +181,15 @@ def _sight(
     told = float(own.at[row] + own.either[row] + own.beyond[row])
     if mine <= absent and gone and own.beyond[row] >= LEAST_OPPOSED * told:
         if share < t.absent_seen_share:
-            little = f"Rays pass through {1 - mine:.0%} of what was in view, but that is only {share:.1%} of its surface."
-            return sight("UNSEEN", little, where=False)
+            return sight("UNSEEN", f"Rays pass through {1 - mine:.0%} of what was in view, but {_little(share)}", where=False)
         return sight("GONE", f"Rays pass through {1 - mine:.0%} of the {share:.0%} of its surface in view.", where=False)
     if absent < mine < present and shows_standing(at, 0, absent) and shows_gone(0, through, present):
-        return sight("PART", f"{mine:.0%} of its surface in view is at its place; rays pass through the rest.")
+        if share < t.absent_seen_share:
+            return sight("UNSEEN", f"Rays pass through {1 - mine:.0%} of what was in view, but {_little(share)}", where=False)
+        if told - own.beyond[row] < present * told:  # nor does it stand if what may be another element's is its own
+            return sight("PART", f"{mine:.0%} of its surface in view is at its place; rays pass through the rest.")
+        if partner >= 0:
+            return sight("UNSEEN", _either(model, partner), where=False)
     if mine >= present and stands:
         if length > tolerance:
             off_place = overlap(model, row, best.fit.vector) <= ABSENT_OVERLAP
@@ -194,14 +198,20 @@ def _sight(
             return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.")
         return sight("STANDS", f"{mine:.0%} of the {share:.0%} of its surface in view is at its place.")
     if partner >= 0 and own.either[row] > own.at[row]:
-        other = model.elements[partner]
-        name = f"{other.ifc_class} {other.name}".strip()
-        return sight("UNSEEN", (
-            f"What was found of its surface is also that of {name} ({other.global_id}): it may be either."
-        ), where=False)
+        return sight("UNSEEN", _either(model, partner), where=False)
     return sight("UNSEEN", (
         f"{at} beams return from it and {through} clearly pass through it: too few to tell whether it stands."
     ), where=False)
+
+
+def _either(model: BuildingModel, partner: int) -> str:
+    other = model.elements[partner]
+    name = f"{other.ifc_class} {other.name}".strip()
+    return f"What was found of its surface is also that of {name} ({other.global_id}): it may be either."
+
+
+def _little(share: float) -> str:
+    return f"that is only {share:.1%} of its surface."
 
 
 def _hiding(length: float) -> str:
