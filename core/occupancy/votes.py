@@ -61,7 +61,7 @@ def _place(
                     unknown += 1
             row[n], cell[n] = last_row, cell_of(i, j, k)
             range2 = x * x + y * y + z * z
-            weight[n] = VOTE if range2 <= dense else full // int(max(expected / range2 + 0.5, 1.0))
+            weight[n] = VOTE if range2 <= dense else -(-full // int(max(expected / range2 + 0.5, 1.0)))
         news[run] = unknown
 
 
