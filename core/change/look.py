@@ -198,8 +198,10 @@ def _sight(
         name = f"{other.ifc_class} {other.name}".strip()
         either = f"What was found of its surface is also that of {name} ({other.global_id}): it may be either."
         return sight("UNSEEN", either, where=False)
-    few = f"{at} beams return from it and {through} clearly pass through it: too few to tell whether it stands."
-    return sight("UNSEEN", few, where=False)
+    beams = f"{at} beams return from it and {through} clearly pass through it"
+    if says == "EITHER":
+        return sight("UNSEEN", f"{beams}: too much of the rest may have come from what touches it.", where=False)
+    return sight("UNSEEN", f"{beams}: too few to tell whether it stands.", where=False)
 
 
 def _hiding(length: float) -> str:
