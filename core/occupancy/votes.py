@@ -10,7 +10,9 @@ import numpy as np
 from numba import get_num_threads, njit, prange
 from numpy.typing import NDArray
 
+from ..errors import BimVerifyError
 from ..evidence.station_index import place
+from ..options import MOST_MIN_POINTS
 from .bricks import BrickTable, find, insert
 from .grid import CELLS, VoxelGrid, brick_key, cell_of
 
@@ -153,6 +155,8 @@ class Votes:
     _used: int = 0
 
     def __post_init__(self) -> None:
+        if not 1 <= self.least <= MOST_MIN_POINTS:
+            raise BimVerifyError(f"A voxel can ask for 1 to {MOST_MIN_POINTS} returns, not {self.least}.")
         self._bits = int(self.least).bit_length()
         small = (VOTE * self.least) << self._bits < 1 << 16
         self._tally: NDArray[np.unsignedinteger[Any]] = np.empty((len(self._keys), CELLS), np.uint16 if small else np.uint32)
