@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty, StringProperty
 
-from ..core.options import ChangeOptions
+from ..core.options import MOST_MIN_POINTS, ChangeOptions
 
 DEFAULTS = ChangeOptions()
 
@@ -32,7 +32,7 @@ class BimVerifyChangeSettings(bpy.types.PropertyGroup):
         description="Edge of a voxel, millimetres",
     )
     min_points: IntProperty(
-        name="Least returns", default=DEFAULTS.min_points, min=1, soft_max=50,
+        name="Least returns", default=DEFAULTS.min_points, min=1, max=MOST_MIN_POINTS, soft_max=50,
         description="Returns that make a voxel occupied; fewer do where the scan is sparse",
     )
     epoch: IntProperty(

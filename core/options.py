@@ -49,6 +49,9 @@ class VerifyOptions(InputOptions):
     seed: int = 0
 
 
+MOST_MIN_POINTS = 1000
+
+
 @dataclass(frozen=True, kw_only=True)
 class ChangeOptions(InputOptions):
     """Options of ``jobs.change``. Lengths in metres."""
@@ -56,7 +59,7 @@ class ChangeOptions(InputOptions):
     voxel: float = 0.01
     """Edge of a voxel, metres; doubled as often as it takes when the model's solids do not fit into the memory."""
     min_points: int = 3
-    """Returns that make a voxel occupied; fewer do where a surface would send fewer back."""
+    """Returns that make a voxel occupied, 1 to MOST_MIN_POINTS; fewer do where a surface would send fewer back."""
     loa: int | None = None
     """Level of accuracy that the result is wanted for; a warning says when voxels cannot support it."""
     sigma: float = 0.0025

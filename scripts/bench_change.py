@@ -164,7 +164,8 @@ class Tally:
             if seen < FULLY or found.volume <= 1e-4 or found.state == "UNKNOWN" or (edit is not None and edit.kind != "remove"):
                 continue
             part = found.built_volume if edit is None else found.disappeared_volume
-            self.volumes.append((part / found.volume - 1.0, f"{where} {found.ifc_class} {found.name} {found.state}"))
+            name = f"{where} {found.ifc_class} {found.name} {found.state}, seen {seen:.0%}"
+            self.volumes.append((part / found.volume - 1.0, name))
 
     def report(self, most: int) -> None:
         """Print the figures."""

@@ -38,9 +38,14 @@ def element_state(
         found = _against_plan(model, row, now)
     else:
         found = _against_epoch(model, row, now, before, tolerance)
-    if found.state == "CONFIRMED" and deep_share >= LEAST_DEEP_SHARE and not _glazed(model, row):
+    if found.state == "CONFIRMED" and partly_gone(model, row, deep_share):
         return Decision("PARTIAL", f"{found.reason} Rays crossed {deep_share:.0%} of its volume: that part is gone.")
     return found
+
+
+def partly_gone(model: BuildingModel, row: int, deep_share: float) -> bool:
+    """Whether rays crossed more of an element that stands than models usually leave out."""
+    return deep_share >= LEAST_DEEP_SHARE and not _glazed(model, row)
 
 
 def _against_plan(model: BuildingModel, row: int, now: ElementSight) -> Decision:

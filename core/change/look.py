@@ -32,9 +32,10 @@ from ..progress import Progress
 from ..sensing.loa import level_sigma, worst_voxel_shift
 from .left_place import PlannedPlaces
 from .overlap import ABSENT_OVERLAP, overlap
-from .own_evidence import LEAST_OPPOSED, OwnEvidence, find_touching, own_evidence, shows_gone, shows_standing
+from .own_evidence import OwnEvidence, find_touching, own_evidence, shows_standing
 from .parts import Parts
 from .shared_surface import find_shared
+from .verdict import verdict
 
 Seen = Literal["STANDS", "GONE", "MOVED", "PART", "UNSEEN"]
 LOA = 30
@@ -175,33 +176,32 @@ def _sight(
     if not enough_seen(plan, share, t):
         few = f"Only {share:.1%} of its surface was in view of a station, of {plan.rays} rays; that is no evidence."
         return sight("UNSEEN", few, where=False)
-    absent, present = standing_shares(model.elements[row].ifc_class, model.transparent[_triangles(model, row)], t)
+    shares = standing_shares(model.elements[row].ifc_class, model.transparent[_triangles(model, row)], t)
     at, through, mine = int(own.beams_at[row]), int(own.beams_through[row]), own.share(row)
-    stands, gone = shows_standing(at, through, absent), shows_gone(at, through, present)
-    told = float(own.at[row] + own.either[row] + own.beyond[row])
-    if mine <= absent and gone and own.beyond[row] >= LEAST_OPPOSED * told:
-        if share < t.absent_seen_share:
-            little = f"Rays pass through {1 - mine:.0%} of what was in view, but that is only {share:.1%} of its surface."
-            return sight("UNSEEN", little, where=False)
+    says = verdict(own, row, share, shares, t)
+    if says == "LITTLE":
+        little = f"Rays pass through {1 - mine:.0%} of what was in view, but that is only {share:.1%} of its surface."
+        return sight("UNSEEN", little, where=False)
+    if says == "GONE":
         return sight("GONE", f"Rays pass through {1 - mine:.0%} of the {share:.0%} of its surface in view.", where=False)
-    if absent < mine < present and shows_standing(at, 0, absent) and shows_gone(0, through, present):
+    if says == "PART":
         return sight("PART", f"{mine:.0%} of its surface in view is at its place; rays pass through the rest.")
-    if mine >= present and stands:
+    if says == "STANDS":
         if length > tolerance:
             off_place = overlap(model, row, best.fit.vector) <= ABSENT_OVERLAP
             if off_place and not planned.left(row, best.fit.vector, through).passed:
                 return sight("UNSEEN", _hiding(length), where=False)
             return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.")
         return sight("STANDS", f"{mine:.0%} of the {share:.0%} of its surface in view is at its place.")
-    if partner >= 0 and own.either[row] > own.at[row]:
+    if says == "EITHER" and partner >= 0:
         other = model.elements[partner]
         name = f"{other.ifc_class} {other.name}".strip()
-        return sight("UNSEEN", (
-            f"What was found of its surface is also that of {name} ({other.global_id}): it may be either."
-        ), where=False)
-    return sight("UNSEEN", (
-        f"{at} beams return from it and {through} clearly pass through it: too few to tell whether it stands."
-    ), where=False)
+        either = f"What was found of its surface is also that of {name} ({other.global_id}): it may be either."
+        return sight("UNSEEN", either, where=False)
+    beams = f"{at} beams return from it and {through} clearly pass through it"
+    if says == "EITHER":
+        return sight("UNSEEN", f"{beams}: too much of the rest may have come from what touches it.", where=False)
+    return sight("UNSEEN", f"{beams}: too few to tell whether it stands.", where=False)
 
 
 def _hiding(length: float) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..change.results import STATES, ChangeResult
 from ..errors import BimVerifyError
-from ..options import ChangeOptions
+from ..options import MOST_MIN_POINTS, ChangeOptions
 from ..progress import Progress
 from .checks import (
     check_folder,
@@ -30,8 +30,8 @@ def change_options(values: Values) -> ChangeOptions:
     zero_or_more(values, "registration_sigma_mm")
     if not 1 <= values["voxel_mm"] <= 1000:
         raise BimVerifyError(f"--voxel-mm must be 1 to 1000 millimetres, not {values['voxel_mm']:g}.")
-    if not 1 <= values["min_points"] <= 1000:
-        raise BimVerifyError(f"--min-points must be 1 to 1000, not {values['min_points']}.")
+    if not 1 <= values["min_points"] <= MOST_MIN_POINTS:
+        raise BimVerifyError(f"--min-points must be 1 to {MOST_MIN_POINTS}, not {values['min_points']}.")
     registration = values["registration_sigma_mm"]
     if values["date"] and parse_date(values["date"]) is None:
         raise BimVerifyError(f"--date takes a day like 2025-03-31, not {values['date']!r}.")

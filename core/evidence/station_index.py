@@ -78,37 +78,47 @@ def _bins(returns: NDArray[np.float32], rows: int, row_start: NDArray[np.int64])
     return out
 
 
-@njit(cache=True, nogil=True, parallel=True)
 def _sort_into_bins(
-    offsets: NDArray[np.float32], rows: int, row_start: NDArray[np.int64], chunks: int
+    offsets: NDArray[np.float32], row_start: NDArray[np.int64]
 ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """Stable counting sort; the same result for any number of chunks."""
-    n, bins = len(offsets), row_start[-1]
-    where = np.empty(n, np.int32)
-    counts = np.zeros((chunks, bins), np.int32)
+    """Stable counting sort: returns (N, 3) bin after bin, and (B + 1,) where each begins."""
+    bins, chunks = int(row_start[-1]), get_num_threads()
+    start, out = np.empty(bins + 1, np.int64), np.empty_like(offsets)
+    _count_and_place(
+        offsets, len(row_start) - 1, row_start, np.empty(len(offsets), np.int32), np.empty((chunks, bins), np.int32), start, out
+    )
+    return out, start
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _count_and_place(
+    offsets: NDArray[np.float32], rows: int, row_start: NDArray[np.int64], where: NDArray[np.int32],
+    goes: NDArray[np.int32], start: NDArray[np.int64], out: NDArray[np.float32],
+) -> None:
+    """The same result for any number of chunks, the rows of ``goes``. What is filled comes from numpy: its memory has large
+    pages where the system offers them, which saves half of the time."""
+    n, bins, chunks = len(offsets), row_start[-1], len(goes)
     for c in prange(chunks):
+        goes[c] = 0
         for i in range(n * c // chunks, n * (c + 1) // chunks):
             b = _bin_of(offsets, i, rows, row_start)
             where[i] = b
-            counts[c, b] += 1
-    start = np.empty(bins + 1, np.int64)
-    place = np.empty((chunks, bins), np.int64)
+            goes[c, b] += 1
     total = 0
     for b in range(bins):
         start[b] = total
         for c in range(chunks):
-            place[c, b] = total
-            total += counts[c, b]
+            here = goes[c, b]
+            goes[c, b] = total
+            total += here
     start[bins] = total
-    out = np.empty((n, 3), np.float32)
     for c in prange(chunks):
         for i in range(n * c // chunks, n * (c + 1) // chunks):
-            at = place[c, where[i]]
-            place[c, where[i]] = at + 1
+            at = goes[c, where[i]]
+            goes[c, where[i]] = at + 1
             out[at, 0] = offsets[i, 0]
             out[at, 1] = offsets[i, 1]
             out[at, 2] = offsets[i, 2]
-    return out, start
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -192,7 +202,7 @@ def build_index(
 
 def _build(offsets: NDArray[np.float32], spacing_rad: float, photo: NDArray[np.float64] | None) -> StationIndex:
     row_start = bin_layout(spacing_rad, len(offsets))
-    returns, start = _sort_into_bins(offsets, len(row_start) - 1, row_start, get_num_threads())
+    returns, start = _sort_into_bins(offsets, row_start)
     if photo is None:
         settle_order(returns, np.zeros(0, np.bool_), start)
     else:
@@ -314,10 +324,10 @@ def _hash(p: NDArray[np.uint32]) -> np.uint64:
     return h
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, parallel=True)
 def _probes(bits: NDArray[np.uint32], below: np.uint64) -> NDArray[np.bool_]:
-    out = np.zeros(len(bits), np.bool_)
-    for i in range(len(bits)):
+    out = np.empty(len(bits), np.bool_)
+    for i in prange(len(bits)):
         out[i] = _hash(bits[i]) < below
     return out
 

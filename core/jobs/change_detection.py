@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ... import __version__
 from ..change.closing import close_gone
 from ..change.clusters import find_clusters
-from ..change.decide import element_state, ratios
+from ..change.decide import element_state, partly_gone, ratios
 from ..change.look import EpochSight, look_at_elements, sensor_model
 from ..change.parts import Parts, read_parts
 from ..change.planned import Planned, parse_date, read_planned
@@ -198,7 +198,8 @@ def _elements(
         shares = ratios(decision, counts[row], mine)
         volume = float(solids.volume[row])
         expected = expected_state(plans[row], day)
-        progress, agrees = judge(plans[row], expected, mine.seen)
+        partial = mine.seen == "STANDS" and partly_gone(model, row, share)
+        progress, agrees = judge(plans[row], expected, "PART" if partial else mine.seen)
         if agrees and what in ("PARTIAL", "DISAPPEARED") and expected in ("CONFIRMED", "NEW"):
             agrees = False
         found.append(ElementChange(

@@ -64,9 +64,9 @@ def settled(occupied: Occupied, table: BrickTable, wanted: NDArray[np.bool_]) ->
 
     A ray that grazes an occupied voxel, and noise at the border of two, would else empty what stands.
     """
-    state = np.zeros((len(table), CELLS), np.uint8)
+    state = np.empty((len(table), CELLS), np.uint8)
     around = occupied.table.around(table.keys)
-    _settle(wanted, around, occupied.cells, state)
+    _settle(wanted, around, np.packbits(occupied.cells, axis=1, bitorder="little"), state)
     return state
 
 
@@ -106,34 +106,38 @@ def cell_set(cells: NDArray[np.bool_], around: NDArray[np.int32], row: int, i: i
     return there >= 0 and cells[there, ((i & 7) << 6) | ((j & 7) << 3) | (k & 7)]
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _run(runs: NDArray[np.uint8], around: NDArray[np.int32], row: int, i: int, j: int, k: int) -> int:
+    """The eight voxels along z at (i, j), -1 ... 8, of a brick's neighbour ``k`` of 3 along z, a bit each."""
+    there = around[row, ((i >> 3) + 1) * 9 + ((j >> 3) + 1) * 3 + k]
+    return int(runs[there, ((i & 7) << 3) | (j & 7)]) if there >= 0 else 0
+
+
 @njit(cache=True, nogil=True, parallel=True)
 def _settle(
-    wanted: NDArray[np.bool_], around: NDArray[np.int32], occupied: NDArray[np.bool_], state: NDArray[np.uint8]
+    wanted: NDArray[np.bool_], around: NDArray[np.int32], runs: NDArray[np.uint8], state: NDArray[np.uint8]
 ) -> None:
+    """``runs``: (B, 64) of the occupied bricks, a bit for each voxel along z."""
     for row in prange(len(wanted)):
         nobody = True
         for n in range(27):
             nobody &= around[row, n] < 0
         if nobody:
+            state[row] = UNSEEN
             continue
-        wide = np.empty((10, 10, 10), np.bool_)  # the brick and one voxel around it, then set where a neighbour is
+        wide = np.empty((10, 10), np.int64)  # a bit for each voxel along z that is occupied or beside one that is
         for i in range(10):
             for j in range(10):
-                for k in range(10):
-                    wide[i, j, k] = cell_set(occupied, around, row, i - 1, j - 1, k - 1)
-        for i in range(8):
-            for j in range(10):
-                for k in range(10):
-                    wide[i, j, k] |= wide[i + 1, j, k] | wide[i + 2, j, k]
+                ten = _run(runs, around, row, i - 1, j - 1, 0) >> 7
+                ten |= _run(runs, around, row, i - 1, j - 1, 1) << 1
+                ten |= _run(runs, around, row, i - 1, j - 1, 2) << 9
+                wide[i, j] = ten | (ten >> 1) | (ten >> 2)
         for i in range(8):
             for j in range(8):
-                for k in range(10):
-                    wide[i, j, k] |= wide[i, j + 1, k] | wide[i, j + 2, k]
-        for cell in range(CELLS):
-            i, j, k = cell >> 6, (cell >> 3) & 7, cell & 7
-            if not wanted[row, cell]:
-                continue
-            if around[row, 13] >= 0 and occupied[around[row, 13], cell]:
-                state[row, cell] = OCCUPIED
-            elif wide[i, j, k] or wide[i, j, k + 1] or wide[i, j, k + 2]:
-                state[row, cell] = NEAR
+                near = 0
+                for di in range(3):
+                    near |= wide[i + di, j] | wide[i + di, j + 1] | wide[i + di, j + 2]
+                stands = _run(runs, around, row, i, j, 1)
+                for k in range(8):  # without branches: any voxel may be either
+                    cell = (i << 6) | (j << 3) | k
+                    state[row, cell] = wanted[row, cell] * (NEAR * ((near >> k) & 1) + (OCCUPIED - NEAR) * ((stands >> k) & 1))

@@ -238,18 +238,18 @@ def _bounds(
     return limit, bound
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, parallel=True)
 def _coarsen(
     values: NDArray[np.float32], row_start: NDArray[np.int64], coarse_start: NDArray[np.int64]
 ) -> NDArray[np.float32]:
     """Largest value of the bins that a coarse bin shares any direction with."""
     out = np.zeros(coarse_start[-1], np.float32)
-    for row in range(len(row_start) - 1):
-        base, columns = row_start[row], row_start[row + 1] - row_start[row]
-        to = row // COARSE
+    for to in prange(len(coarse_start) - 1):
         coarse_base, coarse_columns = coarse_start[to], coarse_start[to + 1] - coarse_start[to]
-        for c in range(columns):
-            value = values[base + c]
-            for d in range(c * coarse_columns // columns, ((c + 1) * coarse_columns - 1) // columns + 1):
-                out[coarse_base + d] = max(out[coarse_base + d], value)
+        for row in range(COARSE * to, min(COARSE * (to + 1), len(row_start) - 1)):
+            base, columns = row_start[row], row_start[row + 1] - row_start[row]
+            for c in range(columns):
+                value = values[base + c]
+                for d in range(c * coarse_columns // columns, ((c + 1) * coarse_columns - 1) // columns + 1):
+                    out[coarse_base + d] = max(out[coarse_base + d], value)
     return out

@@ -189,7 +189,7 @@ def clear_ends(
     """
     rows = len(row_start) - 1
     high = (rows + len(patch_start) - 2) // (len(patch_start) - 1)
-    stride = spread(rows)
+    stride, guard = spread(rows), GUARD_VOXELS * edge
     for turn in prange(rows):
         row = turn * stride % rows
         base, columns = row_start[row], row_start[row + 1] - row_start[row]
@@ -197,15 +197,14 @@ def clear_ends(
         for c in range(columns):
             b, p = base + c, patches + patch_of(c, columns, wide)
             slope = math.sqrt(float(plane[p, 0]) ** 2 + float(plane[p, 1]) ** 2 + float(plane[p, 2]) ** 2)
-            flat = not math.isnan(slope)
+            along, least, most = 0.0, guard / EDGE_COSINE, guard / EDGE_COSINE
+            if not math.isnan(slope):  # the cosine of the incidence is 1 / (range slope)
+                along, least, most = guard * slope, guard, guard / FLATTEST_COSINE
             near, far, last = math.inf, 0.0, 0.0
             for i in range(start[b], start[b + 1]):
                 x, y, z = place(point, i)
                 reach = math.sqrt(x * x + y * y + z * z)
-                cosine = EDGE_COSINE
-                if flat:
-                    cosine = min(max(1.0 / (reach * slope), FLATTEST_COSINE), 1.0)
-                free = max(reach - GUARD_VOXELS * edge / cosine, 0.0)
+                free = max(reach - min(max(along * reach, least), most), 0.0)
                 near, last = min(near, free), max(last, reach)
                 share = free / reach
                 if len(own) and not own[i]:

@@ -4,104 +4,141 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numba import get_num_threads, njit, prange
 from numpy.typing import NDArray
 
+from ..errors import BimVerifyError
 from ..evidence.station_index import place
+from ..options import MOST_MIN_POINTS
 from .bricks import BrickTable, find, insert
 from .grid import CELLS, VoxelGrid, brick_key, cell_of
 
 VOTE = 16
 """Votes are kept in sixteenths of a return, so that their sum depends on no order."""
-MOST = 65_535
 AT_ONCE = 1 << 19
 """Returns entered at once: what is noted of each of them stays small."""
 RUN = 1 << 13
+FIRST_BRICKS = 1 << 16
+"""Room at the beginning; a system gives memory when it is written."""
 EXPECTED_SHARE = 0.5
 """A surface counts as found in a voxel when half of the returns came that one seen head-on would send back: the rest may
 be lost to incidence and to the surface's course through the voxel."""
+OTHERS = -1
+"""Row of a return that another tile answers for. A brick that has no row yet is -2, -3, ...: the first, second, ... of its
+run's new ones."""
 
 
 @njit(cache=True, nogil=True, parallel=True, error_model="numpy")
 def _place(
     offsets: NDArray[np.float32], own: NDArray[np.bool_], station: NDArray[np.float64], anchor: NDArray[np.float64],
     edge: float, expected: float, least: int, slot_key: NDArray[np.int64], slot_row: NDArray[np.int32],
-    key: NDArray[np.int64], row: NDArray[np.int32], cell: NDArray[np.int16], weight: NDArray[np.int32],
+    row: NDArray[np.int32], cell: NDArray[np.int16], weight: NDArray[np.int32], new: NDArray[np.int64],
+    news: NDArray[np.int64],
 ) -> None:
-    """Brick (its key, -1 for another tile's return, and its row, -1 where there is none yet), cell and weight of each return.
+    """Row of its brick, cell and weight of each return; ``new``, from the beginning of each run on, the keys of the
+    ``news`` bricks that have no row yet.
 
     Returns sorted by direction come in long runs of one brick.
     """
     sx, sy, sz = station[0] - anchor[0], station[1] - anchor[1], station[2] - anchor[2]
-    for run in prange((len(offsets) + RUN - 1) // RUN):
-        last_key, last_row = -1, -1
+    per_metre, full = 1.0 / edge, VOTE * least
+    dense = expected / (least - 0.5)
+    for run in prange(len(news)):
+        last_key, last_row, unknown = -1, -1, 0
         for n in range(run * RUN, min((run + 1) * RUN, len(offsets))):
             if len(own) and not own[n]:
-                key[n], row[n] = -1, -1
+                row[n] = OTHERS
                 continue
             x, y, z = place(offsets, n)
-            i, j, k = math.floor((x + sx) / edge), math.floor((y + sy) / edge), math.floor((z + sz) / edge)
+            i, j, k = math.floor((x + sx) * per_metre), math.floor((y + sy) * per_metre), math.floor((z + sz) * per_metre)
             here = brick_key(i, j, k)
             if here != last_key:
                 last_key, last_row = here, find(here, slot_key, slot_row)
-            key[n], row[n], cell[n] = here, last_row, cell_of(i, j, k)
-            wanted = int(min(max(expected / (x * x + y * y + z * z) + 0.5, 1.0), least))
-            weight[n] = (VOTE * least) // wanted
+                if last_row < 0:
+                    new[run * RUN + unknown] = here
+                    last_row = OTHERS - 1 - unknown
+                    unknown += 1
+            row[n], cell[n] = last_row, cell_of(i, j, k)
+            range2 = x * x + y * y + z * z
+            weight[n] = VOTE if range2 <= dense else -(-full // int(max(expected / range2 + 0.5, 1.0)))
+        news[run] = unknown
 
 
 @njit(cache=True, nogil=True)
 def _enter_new(
-    key: NDArray[np.int64], begin: int, slot_key: NDArray[np.int64], slot_row: NDArray[np.int32], keys: NDArray[np.int64],
-    used: int, row: NDArray[np.int32],
+    new: NDArray[np.int64], news: NDArray[np.int64], run: int, slot_key: NDArray[np.int64], slot_row: NDArray[np.int32],
+    keys: NDArray[np.int64], used: int, new_row: NDArray[np.int32],
 ) -> tuple[int, int]:
-    """Enter the bricks that are not in the table yet, from return ``begin`` on; stops when the table is full.
+    """Enter the bricks that are not in the table yet, from ``run`` on; stops before a run that may overfill the table.
 
-    Returns (next return, bricks used).
+    Returns (next run, bricks used).
     """
-    for n in range(begin, len(key)):
-        if row[n] < 0 <= key[n]:
-            there = find(key[n], slot_key, slot_row)
+    while run < len(news):
+        if used + news[run] > len(keys):
+            return run, used
+        for n in range(run * RUN, run * RUN + news[run]):
+            there = find(new[n], slot_key, slot_row)
             if there < 0:
-                if used == len(keys):
-                    return n, used
                 there = used
-                keys[used] = key[n]
-                insert(key[n], there, slot_key, slot_row)
+                keys[used] = new[n]
+                insert(new[n], there, slot_key, slot_row)
                 used += 1
-            row[n] = there
-    return len(key), used
+            new_row[n] = there
+        run += 1
+    return run, used
 
 
 @njit(cache=True, nogil=True, parallel=True)
 def _vote(
-    row: NDArray[np.int32], cell: NDArray[np.int16], weight: NDArray[np.int32], parts: int, votes: NDArray[np.uint16],
-    returns: NDArray[np.uint8],
+    row: NDArray[np.int32], cell: NDArray[np.int16], weight: NDArray[np.int32], new_row: NDArray[np.int32], parts: int,
+    least: int, bits: int, tally: NDArray[np.unsignedinteger[Any]],
 ) -> None:
     """Enter returns; each part of the work has bricks of its own, so that no two add to one voxel at once."""
+    need, mask = VOTE * least, (1 << bits) - 1
+    enough = need << bits | least
     for part in prange(parts):
-        last, mine = np.int32(-1), False
-        for n in range(len(row)):
-            r = row[n]
-            if r != last:
-                last, mine = r, r >= 0 and r % parts == part
-            if mine:
-                c = cell[n]
-                votes[r, c] = min(int(votes[r, c]) + weight[n], MOST)
-                returns[r, c] = min(int(returns[r, c]) + 1, 255)
+        for begin in range(0, len(row), RUN):
+            last, r, mine = OTHERS, OTHERS, False
+            for n in range(begin, min(begin + RUN, len(row))):
+                if row[n] != last:
+                    last = r = row[n]
+                    if r < OTHERS:
+                        r = new_row[begin + OTHERS - 1 - r]
+                    mine = r >= 0 and r % parts == part
+                if mine:
+                    t = int(tally[r, cell[n]])
+                    if t != enough:
+                        tally[r, cell[n]] = min((t >> bits) + weight[n], need) << bits | min((t & mask) + 1, least)
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _full(order: NDArray[np.int64], tally: NDArray[np.unsignedinteger[Any]], need: int) -> NDArray[np.bool_]:
+    """(B,) bricks with a voxel that reaches ``need``."""
+    full = np.zeros(len(order), np.bool_)
+    for n in prange(len(order)):
+        some = False
+        for cell in range(CELLS):
+            some |= tally[order[n], cell] >= need
+        full[n] = some
+    return full
 
 
 @njit(cache=True, nogil=True, parallel=True)
 def _conclude(
-    order: NDArray[np.int64], votes: NDArray[np.uint16], returns: NDArray[np.uint8], need: int, least: int,
+    order: NDArray[np.int64], tally: NDArray[np.unsignedinteger[Any]], need: int, mask: int, least: int,
     cells: NDArray[np.bool_], sparse: NDArray[np.int64],
 ) -> None:
+    """Fill (B, 512) the occupied voxels, and (B,) how many of them have fewer returns than ``least``."""
     for n in prange(len(order)):
-        row = order[n]
+        few = 0
         for cell in range(CELLS):
-            cells[n, cell] = votes[row, cell] >= need
-            sparse[n] += cells[n, cell] and returns[row, cell] < least
+            t = tally[order[n], cell]
+            cells[n, cell] = t >= need
+            few += (t >= need) & ((t & mask) < least)
+        sparse[n] = few
 
 
 @dataclass
@@ -114,19 +151,25 @@ class Votes:
 
     grid: VoxelGrid
     least: int
-    _keys: NDArray[np.int64] = field(default_factory=lambda: np.empty(1024, np.int64))
-    _votes: NDArray[np.uint16] = field(default_factory=lambda: np.zeros((1024, CELLS), np.uint16))
-    _returns: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((1024, CELLS), np.uint8))
+    _keys: NDArray[np.int64] = field(default_factory=lambda: np.empty(FIRST_BRICKS, np.int64))
     _used: int = 0
 
     def __post_init__(self) -> None:
+        if not 1 <= self.least <= MOST_MIN_POINTS:
+            raise BimVerifyError(f"A voxel can ask for 1 to {MOST_MIN_POINTS} returns, not {self.least}.")
+        self._bits = int(self.least).bit_length()
+        small = (VOTE * self.least) << self._bits < 1 << 16
+        self._tally: NDArray[np.unsignedinteger[Any]] = np.empty((len(self._keys), CELLS), np.uint16 if small else np.uint32)
+        """Of each voxel its votes, and in the lower ``_bits`` its returns; of neither more than are asked for. Cleared when a
+        brick is entered: numpy's empty memory has large pages where the system offers them, its zeros have not."""
         self._table = BrickTable(np.empty(0, np.int64), len(self._keys))
 
     def _grow(self) -> None:
-        rows = len(self._keys) + len(self._keys) // 2 + 1024
-        for array in (self._keys, self._votes, self._returns):  # in place where the system can, and zero beyond
-            array.resize((rows, *array.shape[1:]), refcheck=False)
-        self._table = BrickTable(self._keys[: self._used].copy(), len(self._keys))
+        keys, tally, used = self._keys, self._tally, self._used
+        self._keys = np.empty(len(keys) + len(keys) // 2, np.int64)
+        self._tally = np.empty((len(self._keys), CELLS), tally.dtype)
+        self._keys[:used], self._tally[:used] = keys[:used], tally[:used]
+        self._table = BrickTable(self._keys[:used].copy(), len(self._keys))
 
     def add(
         self, offsets: NDArray[np.float32], station: NDArray[np.float64], spacing_rad: float,
@@ -141,29 +184,34 @@ class Votes:
         self, offsets: NDArray[np.float32], station: NDArray[np.float64], spacing_rad: float, own: NDArray[np.bool_]
     ) -> None:
         count, edge = len(offsets), self.grid.edge
-        key, row = np.empty(count, np.int64), np.empty(count, np.int32)
-        cell, weight = np.empty(count, np.int16), np.empty(count, np.int32)
+        row, cell, weight = np.empty(count, np.int32), np.empty(count, np.int16), np.empty(count, np.int32)
+        new, new_row = np.empty(count, np.int64), np.empty(count, np.int32)
+        news = np.empty(-(-count // RUN), np.int64)
         expected = EXPECTED_SHARE * edge * edge / (spacing_rad * spacing_rad)
         _place(
             offsets, own, station, self.grid.anchor, edge, expected, self.least, self._table.slot_key, self._table.slot_row,
-            key, row, cell, weight,
+            row, cell, weight, new, news,
         )
-        at = 0
+        run = 0
         while True:
-            at, self._used = _enter_new(key, at, self._table.slot_key, self._table.slot_row, self._keys, self._used, row)
-            if at == count:
+            known = self._used
+            run, self._used = _enter_new(
+                new, news, run, self._table.slot_key, self._table.slot_row, self._keys, known, new_row
+            )
+            self._tally[known : self._used] = 0
+            if run == len(news):
                 break
             self._grow()
-        _vote(row, cell, weight, get_num_threads(), self._votes, self._returns)
+        _vote(row, cell, weight, new_row, get_num_threads(), self.least, self._bits, self._tally)
 
     def occupied(self) -> Occupied:
         """The occupied voxels so far."""
         order = np.argsort(self._keys[: self._used])
-        keys = self._keys[: self._used][order]
-        cells, sparse = np.zeros((len(keys), CELLS), np.bool_), np.zeros(len(keys), np.int64)
-        _conclude(order, self._votes, self._returns, self.least * VOTE, self.least, cells, sparse)
-        full = cells.any(axis=1)
-        return Occupied(BrickTable(keys[full]), cells[full], int(sparse.sum()))
+        need = (VOTE * self.least) << self._bits
+        order = order[_full(order, self._tally, need)]
+        cells, sparse = np.empty((len(order), CELLS), np.bool_), np.empty(len(order), np.int64)
+        _conclude(order, self._tally, need, (1 << self._bits) - 1, self.least, cells, sparse)
+        return Occupied(BrickTable(self._keys[order]), cells, int(sparse.sum()))
 
 
 @dataclass(frozen=True)

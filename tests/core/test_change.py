@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from bim_verify.core.change.decide import Decision, element_state, ratios
+from bim_verify.core.change.decide import Decision, element_state, partly_gone, ratios
 from bim_verify.core.change.look import ElementSight
 from bim_verify.core.change.overlap import overlap
 from bim_verify.core.change.own_evidence import clearly_inside, shows_gone, shows_standing
@@ -298,6 +298,14 @@ def test_where_an_element_came_from_elsewhere_it_is_new() -> None:
         assert element_state(model, row, moved, there, 0.0, 0.01).state == states[1]
 
 
+def test_an_element_that_stands_but_for_a_part_is_partly_gone() -> None:
+    model = house()
+    row = list(PLAN).index("partition")
+    there = ElementSight("STANDS", 1.0, 0.0, 1.0, None, "")
+    assert partly_gone(model, row, 0.3) and element_state(model, row, there, None, 0.3, 0.01).state == "PARTIAL"
+    assert not partly_gone(model, row, 0.05) and element_state(model, row, there, None, 0.05, 0.01).state == "CONFIRMED"
+
+
 def test_solids_are_filled_and_thin_ones_kept() -> None:
     model = house()
     found = voxelise(model, VoxelGrid.for_model(model.origin, 0.05))
@@ -322,6 +330,8 @@ def test_overlap_along_a_shift() -> None:
         (Planned(), None, "STANDS", "CONFIRMED", "on time"),
         (Planned(), None, "GONE", "CONFIRMED", "not built"),
         (Planned(), None, "UNSEEN", "CONFIRMED", "cannot tell"),
+        (Planned(), None, "PART", "CONFIRMED", "not built"),
+        (Planned("build", date(2024, 5, 1), date(2024, 5, 10)), date(2024, 5, 20), "PART", "NEW", "late"),
         (Planned("build", date(2024, 5, 1), date(2024, 5, 10)), date(2024, 5, 20), "GONE", "NEW", "late"),
         (Planned("build", date(2024, 5, 1), date(2024, 5, 10)), date(2024, 5, 20), "STANDS", "NEW", "on time"),
         (Planned("build", date(2024, 6, 1), date(2024, 6, 9)), date(2024, 5, 20), "STANDS", "DISAPPEARED", "early"),

@@ -102,6 +102,27 @@ def test_a_dense_scan_needs_three_returns_and_a_sparse_one_says_that_it_does_not
     assert sparse.occupied().count == 1 and sparse.occupied().sparse == 1
 
 
+@pytest.mark.parametrize("least, expected", [(5, 3), (7, 3), (300, 20), (1000, 40)])
+def test_half_of_the_returns_that_a_sparse_surface_sends_are_enough(least: int, expected: int) -> None:
+    spacing = GRID.edge * np.sqrt(0.5 / expected)
+    spot = np.array([[1.0, 0.003, 0.003]], np.float32)
+    few, enough, many = (Votes(GRID, least) for _ in range(3))
+    few.add(np.repeat(spot, expected - 1, axis=0), np.zeros(3), spacing)
+    enough.add(np.repeat(spot, expected, axis=0), np.zeros(3), spacing)
+    many.add(np.repeat(spot, least, axis=0), np.zeros(3), spacing)
+    assert few.occupied().count == 0
+    assert enough.occupied().count == 1 and enough.occupied().sparse == 1
+    assert many.occupied().count == 1 and many.occupied().sparse == 0
+
+
+def test_room_for_bricks_grows_as_they_come() -> None:
+    wide = np.random.default_rng(2).uniform(-30.0, 30.0, (150_000, 3)).astype(np.float32)
+    votes = Votes(GRID, 1)
+    votes.add(wide, STATION, 0.01)
+    found, index = votes.occupied(), np.unique(GRID.index(wide + STATION), axis=0)
+    assert found.count == len(index) and len(found.table) > 100_000
+
+
 def test_sectors_share_out_all_directions_in_single_precision() -> None:
     direction = np.array([[1.0, -1e-9, 0.0], [1.0, 0.0, 0.0], [-1.0, 1e-9, 0.3], [-1.0, -1e-9, 0.3]], np.float32)
     edges = [0.0, 1.0, np.pi, 2 * np.pi + 1e-9]

@@ -1,0 +1,35 @@
+"""From what speaks for and against an element at its planned place to what it says of it.
+
+What other elements share speaks for neither, and few beams, or a small part of the surface, are no evidence.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from ..evidence.thresholds import Thresholds
+from .own_evidence import LEAST_OPPOSED, OwnEvidence, shows_gone, shows_standing
+
+Verdict = Literal["STANDS", "GONE", "PART", "LITTLE", "EITHER", "FEW"]
+"""It stands, it is gone, part of it stands; rays pass, but too little of it was in view; what was found of it may be another
+element's; too few beams tell of it."""
+
+
+def verdict(own: OwnEvidence, row: int, seen_share: float, shares: tuple[float, float], t: Thresholds) -> Verdict:
+    """What the evidence says of element ``row``, of whose open surface ``seen_share`` was in view.
+
+    shares : (absent up to this share of what was seen of it at its place, present from this share on).
+    """
+    absent, present = shares
+    at, through, mine = int(own.beams_at[row]), int(own.beams_through[row]), own.share(row)
+    found = float(own.at[row] + own.either[row])
+    told = found + float(own.beyond[row])
+    if mine <= absent and shows_gone(at, through, present) and own.beyond[row] >= LEAST_OPPOSED * told:
+        return "LITTLE" if seen_share < t.absent_seen_share else "GONE"
+    if absent < mine < present and shows_standing(at, 0, absent) and shows_gone(0, through, present):
+        if seen_share < t.absent_seen_share:
+            return "LITTLE"
+        return "PART" if found < present * told else "EITHER"  # whosever the shared surface is
+    if mine >= present and shows_standing(at, through, absent):
+        return "STANDS"
+    return "EITHER" if own.either[row] > own.at[row] else "FEW"

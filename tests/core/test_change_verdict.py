@@ -1,0 +1,47 @@
+"""What evidence at its planned place says of an element."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bim_verify.core.change.own_evidence import OwnEvidence
+from bim_verify.core.change.verdict import verdict
+from bim_verify.core.evidence.thresholds import Thresholds
+
+
+def says(
+    at: float, either: float, beyond: float, beams_at: int, beams_through: int, seen_share: float = 0.5
+) -> str:
+    areas = [np.array([a]) for a in (at, either, beyond, 0.0)]
+    own = OwnEvidence(*areas, np.array([beams_at]), np.array([beams_through]))
+    return verdict(own, 0, seen_share, (0.25, 0.5), Thresholds())
+
+
+def test_what_stands_is_gone_or_stands_in_part() -> None:
+    assert says(9.0, 0.0, 1.0, 90, 10) == "STANDS"
+    assert says(1.0, 0.0, 9.0, 10, 90) == "GONE"
+    assert says(4.0, 0.0, 6.0, 40, 60) == "PART"
+
+
+@pytest.mark.parametrize("passes, expected", [(0.11, "GONE"), (0.09, "EITHER")])
+def test_when_rays_pass_it_is_gone_but_not_when_they_are_less_than_a_tenth(passes: float, expected: str) -> None:
+    """Another element has the rest of its surface; edges and recesses of a standing one let as many pass."""
+    assert says(0.0, 1.0 - passes, passes, 0, 50) == expected
+
+
+def test_it_stands_in_part_only_when_it_does_so_whosever_the_shared_surface_is() -> None:
+    assert says(4.0, 0.5, 6.0, 40, 60) == "PART"
+    assert says(4.0, 3.0, 6.0, 40, 60) == "EITHER", "with what is shared it would stand"
+
+
+def test_little_of_it_in_view_does_not_show_that_it_or_a_part_is_gone() -> None:
+    assert says(1.0, 0.0, 9.0, 10, 90, seen_share=0.04) == "LITTLE"
+    assert says(4.0, 0.0, 6.0, 40, 60, seen_share=0.04) == "LITTLE"
+    assert says(9.0, 0.0, 1.0, 90, 10, seen_share=0.04) == "STANDS"
+
+
+def test_few_beams_tell_nothing() -> None:
+    assert says(0.0, 0.0, 1.0, 0, 4) == "FEW" and says(0.0, 0.0, 1.0, 0, 5) == "GONE"
+    assert says(1.0, 0.0, 0.0, 2, 0) == "FEW" and says(1.0, 0.0, 0.0, 3, 0) == "STANDS"
+    assert says(0.0, 1.0, 0.0, 0, 0) == "EITHER"
