@@ -51,6 +51,8 @@ class Samples:
     """Standard deviation of the face's depth [m]."""
     gap: float = math.inf
     """Height between the side faces of the two panels [m]."""
+    about: tuple[float, float] = (0.0, math.inf)
+    """Where the side face is, roughly, and how far off that may be [m]."""
 
 
 @dataclass(frozen=True)

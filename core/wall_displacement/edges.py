@@ -23,8 +23,8 @@ FINER = (0.78, 0.88, 1.13)
 AIMS_M = (0.0003, 0.0006, 0.0012, 0.002, 0.0035)
 NOT_UNLIKELY = 30.0
 """Places of likelihoods below exp(-30) of the best one's add nothing to the mean; they are looked at in coarse steps only."""
-LEAST_PROBABLE, MOST_FLANKS, SOFTER = 3.0, 12, 8.0
-"""What a flank's model lacks, neighbouring returns share: where flanks are compared, eight returns count as one. Those less
+LEAST_PROBABLE, MOST_FLANKS, SOFTER = 3.0, 12, 20.0
+"""What a flank's model lacks, neighbouring returns share: where flanks are compared, twenty returns count as one. Those less
 likely by exp(-3) are left out of how much an edge depends on its flank."""
 BLOCKS = 16
 FEW_BLOCKS = 1.12
@@ -34,7 +34,7 @@ BLOCK_REACH_M = 0.008
 MOST_SAMPLES, ENOUGH_FOR_SHAPE, LEAST_FOR_SHAPE = 12_000, 3000, 100
 """Of an edge; of all edges of a column for their shape, and of each of them at least."""
 LEAST_NOISE_M = 0.0005
-LEAST_GAP_M = 0.002
+LEAST_GAP_M, ABOUT_M = 0.002, 0.015
 BACK_SEEN = 0.5
 """Returns from less deep than this share of where rays meet a panel's side come from the back of the gap."""
 
@@ -112,7 +112,8 @@ def _shape(
 
 def _with_gaps(samples: list[Samples], mates: Sequence[int | None], flank: Flank, places: Array) -> list[Samples]:
     """With the height of each gap, and the depth of its back; where rays meet a panel's side first, it is the other gaps'."""
-    at = [moments(places, cost_of(places, flank, s))[0] for s in samples]
+    found = [moments(places, cost_of(places, flank, s)) for s in samples]
+    at = [place for place, _ in found]
     side = 2.0 * flank.slope * flank.depth
     gap = np.array([
         math.inf if mate is None else max(-at[k] - at[mate] - side, LEAST_GAP_M) for k, mate in enumerate(mates)
@@ -124,14 +125,19 @@ def _with_gaps(samples: list[Samples], mates: Sequence[int | None], flank: Flank
     seen = own < BACK_SEEN * limit
     common = float(np.median(own[seen])) if seen.any() else float(own.max(initial=0.0))
     deepest = np.where(seen, own, np.maximum(own, common))
-    return [replace(s, gap=float(g), deepest=float(d)) for s, g, d in zip(samples, gap, deepest, strict=True)]
+    about = [(place + flank.slope * flank.depth, max(3.0 * spread, ABOUT_M)) for place, spread in found]
+    return [
+        replace(s, gap=float(g), deepest=float(d), about=a) for s, g, d, a in zip(samples, gap, deepest, about, strict=True)
+    ]
 
 
 def _unlikeliness(places: Array, flank: Flank, samples: Samples) -> float:
     """Negative log of the likelihood of one edge's samples, all places being equally likely."""
-    cost = cost_of(places, flank, samples)
+    middle, reach = samples.about
+    near = places[(places > middle - reach - flank.slope * flank.depth) & (places < middle + reach)]
+    cost = cost_of(near if len(near) else places, flank, samples)
     least = float(cost.min())
-    return least - math.log(float(np.mean(np.exp(least - cost))))
+    return least - math.log(float(np.sum(np.exp(least - cost))) / len(places))
 
 
 def fit_edges(samples: Sequence[Samples], flanks: Flanks, low: float, high: float) -> list[Edge]:
