@@ -14,7 +14,7 @@ APART_M = 0.25
 FLAT = 0.08
 """Log lightness changes less than this over ``APART_M`` where nothing but the light changes."""
 DARKEST = 12.0
-TURNS = 12
+TURNS, TERMS = 12, 5
 MOST = 0.7
 """Log lightness; no light changes more across a facade of one colour."""
 
@@ -53,12 +53,9 @@ def _field(light: Array, scale: float) -> Array:
         weight = np.where(np.abs(off) < width_of, (1.0 - (off / width_of) ** 2) ** 2, 0.0)
         normal = (design * weight[:, None]).T @ design + 1e-3 * np.eye(TERMS)
         found = np.linalg.solve(normal, (design * weight[:, None]).T @ change)
-    field = (_terms(np.linspace(-1.0, 1.0, width), np.linspace(-1.0, 1.0, height)) @ found)
+    field = _terms(np.linspace(-1.0, 1.0, width), np.linspace(-1.0, 1.0, height)) @ found
     field -= field.mean(axis=1, keepdims=True)
     return np.asarray(np.clip(field, -MOST, MOST), dtype=np.float32)
-
-
-TERMS = 5
 
 
 def _terms(x: NDArray[np.float64], z: NDArray[np.float64]) -> NDArray[np.float64]:
