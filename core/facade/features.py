@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .lighting import even_light
+
 Array = NDArray[np.float32]
 LINE_M = 0.4
 """Edges are averaged along themselves over this length, which leaves windows and takes out bricks and leaves."""
@@ -44,7 +46,7 @@ def features(picture: NDArray[np.uint8], scale: float) -> Features:
 
     plants = vegetation(picture, scale)
     fine = max(FINE_M * scale, 0.6)
-    smooth = cv2.GaussianBlur(picture.astype(np.float32) / 255.0, (0, 0), fine)
+    smooth = cv2.GaussianBlur(even_light(picture, scale) / 255.0, (0, 0), fine)
     lab = np.asarray(cv2.cvtColor(smooth, cv2.COLOR_RGB2LAB), dtype=np.float32)
     gx, gy = (_change(lab, dx, dy) for dx, dy in ((1, 0), (0, 1)))
     gy = gy - np.median(gy, axis=1, keepdims=True)

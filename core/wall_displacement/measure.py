@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .columns import Face, FoundJoint
-from .edges import LEAST_NOISE_M, Edge, Flanks, Samples, choose_flank, fit_edges
+from .edge_section import Samples
+from .edges import LEAST_NOISE_M, Edge, Flanks, choose_flank, fit_edges
 from .epoch import spread_rows
 from .face_lines import FaceLine, FacePart, fit_faces
 
@@ -119,10 +120,11 @@ def joint_sections(
 
 def measure_joints(sections: Sequence[JointSection]) -> list[Movement]:
     """Movements of the joints of one column, whose edges are alike."""
-    seen = [s for section in sections for pair in section.samples if None not in pair for s in pair if s is not None]
-    flanks = choose_flank(seen, *EDGE_RANGE_M)
     wanted = [(k, side) for k, section in enumerate(sections) for side in (0, 1) if None not in section.samples[side]]
+    rows = {(k, side, epoch): 2 * n + epoch for n, (k, side) in enumerate(wanted) for epoch in (0, 1)}
     measured = [s for k, side in wanted for s in sections[k].samples[side] if s is not None]
+    mates = [rows.get((k, 1 - side, epoch)) for k, side, epoch in rows]
+    flanks, measured = choose_flank(measured, mates, *EDGE_RANGE_M)
     fitted = iter(fit_edges(measured, flanks, *EDGE_RANGE_M))
     edges: list[list[list[Edge] | None]] = [[None, None] for _ in sections]
     for k, side in wanted:
@@ -206,8 +208,15 @@ def edge_samples(
     face = depth[own & (sign * v < -NEAR_FACE_M)]
     before = -face[face < 0]
     noise = max(float(np.median(before)) / np.log(2.0) if len(before) else epoch.face.noise, LEAST_NOISE_M)
-    rough = float(np.clip(np.mean(face > 5.0 * noise), 0.0, MOST_RELIEF)) if len(face) else 0.0
-    known = climb[own][np.isfinite(climb[own])]
+    behind = face[(face > 5.0 * noise) & (face < 2.0 * deep)]
+    rough = min(len(behind) / len(face), MOST_RELIEF) if len(face) else 0.0
+    groove = float(np.median(behind)) if len(behind) else 0.5 * deep
+    groove_noise = max(float(np.mean(np.abs(behind - groove))), noise) if len(behind) else deep
+    # at the edge, not over all the face
+    known = climb[own & recessed & np.isfinite(climb)]
     rise = sign * float(np.median(known)) if len(known) else 0.0
     deepest = float(np.quantile(depth[own], 0.98))
-    return Samples(sign * v[own], depth[own], x[own], rise, sign * line.slope, noise, deep, rough, deepest, line.sigma)
+    return Samples(
+        sign * v[own], depth[own], x[own], rise, sign * line.slope, noise, deep, rough, groove, groove_noise, deepest,
+        line.sigma,
+    )

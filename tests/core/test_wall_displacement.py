@@ -32,7 +32,8 @@ from bim_verify.core.simulation.panel_wall import (
 from bim_verify.core.simulation.scanner import PRESETS
 from bim_verify.core.simulation.scene import Scene
 from bim_verify.core.simulation.wall_scan import scan_window
-from bim_verify.core.wall_displacement.edges import PROFILE_STEP_M, Samples, choose_flank, fit_edges, flank_profile
+from bim_verify.core.wall_displacement.edge_section import PROFILE_STEP_M, Samples, flank_profile
+from bim_verify.core.wall_displacement.edges import choose_flank, fit_edges
 from bim_verify.core.wall_displacement.epoch import spread_rows
 from bim_verify.core.wall_displacement.face_lines import FacePart, fit_faces
 from bim_verify.core.wall_displacement.result import Column, DisplacementResult, JointDisplacement
@@ -227,7 +228,7 @@ def flank_samples(edge: float, count: int, random: np.random.Generator) -> Sampl
     gap = v > edge + 0.02
     depth[gap] = random.uniform(0.02, 0.14, gap.sum())
     noisy = depth + random.normal(0.0, 0.001, count)
-    return Samples(v, noisy, random.random(count), 0.0, 0.0, 0.001, 0.011, 0.3, 0.14)
+    return Samples(v, noisy, random.random(count), 0.0, 0.0, 0.001, 0.011, 0.3, 0.008, 0.001, 0.14)
 
 
 @pytest.mark.parametrize("count", [25, 400])
@@ -235,12 +236,15 @@ def test_few_returns_fix_the_edge_of_a_joint_and_sigma_says_how_well_it_moved(co
     random = np.random.default_rng(1)
     places = [0.001 * (k % 7) - 0.02 for k in range(160)]
     samples = [flank_samples(edge, count, random) for edge in places]
-    flanks = choose_flank(samples[:40], -0.08, 0.04)
+    flanks = choose_flank(samples[:40], [None] * 40, -0.08, 0.04)[0]
     assert flanks.best.slope == pytest.approx(1.0, abs=0.26)
     assert flanks.best.depth == pytest.approx(0.02, abs=0.004)
     assert flanks.probability.sum() == pytest.approx(1.0)
     edges = fit_edges(samples, flanks, -0.08, 0.04)
-    assert np.abs(np.array([e.at for e in edges]) - places).max() < 0.003
+    error = np.abs(np.array([e.at for e in edges]) - places)
+    assert np.sqrt(np.mean(error**2)) < 0.0006
+    # where no return lies between 6 mm below an edge and 21 mm above it, it says so
+    assert np.all(error < np.maximum(0.003, [2.0 * e.sigma for e in edges]))
     # a movement is the difference of two edges, of which what they have in common drops out
     moved = np.diff([e.at for e in edges])[::2] - np.diff(places)[::2]
     sigma = np.hypot([e.sigma for e in edges[::2]], [e.sigma for e in edges[1::2]])
