@@ -6,6 +6,7 @@ import bpy
 
 from .. import project
 from ..capability import Capability, Step, StepState
+from ..point_display import points_shown
 from ..step_parts import main_button
 
 
@@ -41,6 +42,8 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     for name in ("scan_frame", "origin", "display_points", "point_size_mm"):
         layout.prop(context.scene.bim_verify, name)
+    if (shown := points_shown(context.scene.bim_verify)) < context.scene.bim_verify.display_points:
+        layout.label(text=f"{shown:,} are shown: graphics are emulated", icon="INFO")
 
 
 CAPABILITY = Capability("scans", Step("scans", "Scans", _state, _draw, _expert), classes=(BIMVERIFY_UL_scans,))

@@ -259,6 +259,17 @@ def test_points_and_voxels_become_geometry(blender: bpy.types.Scene, scan: Path)
     assert tuple(item.color) == pytest.approx((1.0, 0.0, 0.0, 1.0))
 
 
+def test_an_emulated_view_is_given_fewer_points_unless_someone_says_how_many(
+    blender: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = blender.bim_verify
+    assert point_display.points_shown(settings) == settings.display_points == 1_000_000
+    monkeypatch.setattr(point_display, "emulated", lambda: True)
+    assert point_display.points_shown(settings) == point_display.MOST_EMULATED
+    settings.display_points = 2_000_000
+    assert point_display.points_shown(settings) == 2_000_000
+
+
 def test_another_model_takes_the_findings_of_the_first_away(verified: bpy.types.Scene, house: Path, tmp_path: Path) -> None:
     ops.import_ifc(filepath=str(house))  # the same again: they still hold
     assert dict(status_counts(verified))["ABSENT"]
