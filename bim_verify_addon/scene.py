@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 
 import bpy
 import numpy as np
@@ -49,9 +49,9 @@ def element_objects(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
     return {item[GUID_KEY]: item for item in scene.objects if GUID_KEY in item and frame.ORIGIN_KEY in item}
 
 
-def scan_objects(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
+def scan_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     """The display clouds of the scene."""
-    return (item for item in scene.objects if SCAN_KEY in item)
+    return [item for item in scene.objects if SCAN_KEY in item]
 
 
 def show_model(scene: bpy.types.Scene, model: BuildingModel) -> None:
