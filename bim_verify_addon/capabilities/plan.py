@@ -58,10 +58,10 @@ def _numbers(item: bpy.types.Object) -> list[tuple[str, str]]:
         return []
     found = item.bim_verify_plan
     return [
-        ("Expected to be measured", percent(found.coverage)),
+        ("Measured, expected", percent(found.coverage)),
         ("Asked", percent(found.target)),
-        ("In reach of any place", percent(found.reachable)),
-        ("By the scans there are", percent(found.before)),
+        ("In reach at all", percent(found.reachable)),
+        ("By scans there are", percent(found.before)),
         ("Belief occupied", percent(found.belief)),
         ("Point spacing", millimetres(found.spacing)),
         ("Sigma", millimetres(found.sigma)),

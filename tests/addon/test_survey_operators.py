@@ -52,7 +52,7 @@ def forecast_is_shown(target: bpy.types.Scene) -> None:
     bpy.context.view_layer.objects.active = item
     text = "\n".join(overlay.numbers(bpy.context))
     assert f"LOA10 with set-up {item.bim_verify_plan.set_up}" in text
-    assert f"Expected to be measured: {percent(item.bim_verify_plan.coverage)}" in text
+    assert f"Measured, expected: {percent(item.bim_verify_plan.coverage)}" in text
     assert item.bim_verify_plan.coverage > item.bim_verify_plan.target * 0.999
     target.bim_verify.color_mode = "PLANNED"
     assert overlay.legend(target).ramp is not None
