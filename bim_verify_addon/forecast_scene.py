@@ -37,6 +37,7 @@ class BimVerifyForecast(bpy.types.PropertyGroup):
 def show_plan(target: bpy.types.Scene, result: PlanResult) -> str:
     """Mark the planned set-ups, colour the elements by their forecast, and return one sentence."""
     from ..core.planning.sentences import plan_sentence  # here: enabling the extension must not wait for its libraries
+    from ..core.quality.levels import ACTIONS
     from . import paint
 
     existing = scene.element_objects(target)
@@ -48,7 +49,8 @@ def show_plan(target: bpy.types.Scene, result: PlanResult) -> str:
     survey_scene.show_stations(target, [
         survey_scene.Marker(
             s.name, s.position, result.scanner.elevation_min,
-            ", ".join(s.actions) or f"measures {s.area:.0f} m2, {s.new_area:.0f} m2 more", planned=True,
+            "; ".join(ACTIONS[action] for action in s.actions) or f"measures {s.area:.0f} m2, {s.new_area:.0f} m2 more",
+            planned=True,
         )
         for s in result.stations
     ], planned=True)

@@ -119,7 +119,8 @@ def numbers(context: bpy.types.Context) -> list[str]:
         if rows:
             if capability.why is not None:
                 lines += textwrap.wrap(capability.why(item), LINE_LENGTH)
-            lines += [f"{name}: {value}" for name, value in rows if value not in ("", "–")][:MOST_ROWS]
+            said = [f"{name}: {value}" for name, value in rows if value not in ("", "–")][:MOST_ROWS]
+            lines += [line for one in said for line in textwrap.wrap(one, LINE_LENGTH)]
             break
     return lines
 

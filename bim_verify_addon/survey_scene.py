@@ -96,6 +96,7 @@ def make_survey_display(
 
 def show_quality(target: bpy.types.Scene, result: QualityResult, display: SurveyDisplay) -> str:
     """Show on every element what is missing and why, mark the stations, and return one sentence."""
+    from ..core.quality.levels import ACTIONS  # here: enabling the extension must not wait for its libraries
     from . import paint
 
     existing = scene.element_objects(target)
@@ -118,7 +119,7 @@ def show_quality(target: bpy.types.Scene, result: QualityResult, display: Survey
         quality = result.elements[index]
         item["bim_verify_coverage"] = quality.measured.coverage
         item["bim_verify_gsa_level"] = quality.gsa_level
-        item["bim_verify_actions"] = ", ".join(quality.actions)
+        item["bim_verify_actions"] = "; ".join(ACTIONS[action] for action in quality.actions)
         item["bim_verify_quality"] = quality.reason
     show_stations(target, [
         Marker(s.name, s.position, s.elevation_min if s.returns else -math.pi / 3, f"{s.returns:,} returns")

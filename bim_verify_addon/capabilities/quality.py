@@ -78,7 +78,7 @@ def _numbers(item: bpy.types.Object) -> list[tuple[str, str]]:
         return []
     return [
         ("Returns on", percent(item["bim_verify_coverage"])),
-        ("GSA level", str(item["bim_verify_gsa_level"])),
+        ("GSA level", str(item["bim_verify_gsa_level"] or "none")),
         ("To do", str(item["bim_verify_actions"])),
     ]
 
