@@ -30,6 +30,8 @@ def table(layout: bpy.types.UILayout, context: bpy.types.Context, rows: list[tup
     column.scale_y = 0.8
     width = characters(context)
     for name, value in rows:
+        if not value:
+            continue
         if len(name) > NAME_SHARE * width or len(value) > (1.0 - NAME_SHARE) * width:
             for line in textwrap.wrap(f"{name}: {value}", width):
                 column.label(text=line)

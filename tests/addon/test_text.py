@@ -32,7 +32,7 @@ def test_rows_that_are_too_long_for_two_columns_are_written_out() -> None:
         region=SimpleNamespace(width=252), preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))
     )
     long = "49 of 400 with a measured surface"
-    text.table(layout, context, [("Registration sigma", "0.9 mm"), ("Samples", long)])
+    text.table(layout, context, [("Registration sigma", "0.9 mm"), ("Seen by", ""), ("Samples", long)])
     assert said[:2] == ["Registration sigma", "0.9 mm"]
     assert " ".join(said[2:]) == f"Samples: {long}"
     assert all(len(line) <= text.characters(context) for line in said)
