@@ -155,13 +155,13 @@ def show_planned(context: bpy.types.Context, planned: bool) -> None:
             item.hide_set(not planned)
 
 
-def show_colors_in_views() -> None:
-    """Let solid shading in all 3D views show the colour attribute."""
+def show_colors_in_views(kind: str = "VERTEX") -> None:
+    """Let solid shading in all 3D views show the colour attribute; ``TEXTURE``: pictures on surfaces."""
     for screen in bpy.data.screens:
         for area in screen.areas:
             for space in area.spaces:
                 if space.type == "VIEW_3D":
-                    space.shading.color_type = "VERTEX"
+                    space.shading.color_type = kind
 
 
 def collection(scene: bpy.types.Scene, *path: str) -> bpy.types.Collection:
