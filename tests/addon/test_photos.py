@@ -93,13 +93,14 @@ def test_before_and_after_are_two_cameras(blender: bpy.types.Scene, result: Core
 
 def test_a_dense_cloud_is_no_scan(blender: bpy.types.Scene) -> None:
     settings = blender.bim_verify
-    for path, dense in (("/there/project.json", False), ("/there/dense.ply", True)):
+    for path, dense, stations in (("/there/project.json", False, 48), ("/there/dense.ply", True, 1)):
         entry = settings.scans.add()
-        entry.path, entry.name, entry.dense = path, Path(path).name, dense
+        entry.path, entry.name, entry.dense, entry.stations = path, Path(path).name, dense, stations
     assert project.scan_paths(settings) == [str(Path("/there/project.json"))]
     assert project.options(settings).dense == (str(Path("/there/dense.ply")),)
-    settings.scans[0].use = False
     step = next(c.step for c in CAPABILITIES if c.name == "scans")
+    assert step.state(blender).text.endswith("48 stations")
+    settings.scans[0].use = False
     assert not step.state(blender).done and "Dense" in step.state(blender).text
 
 
