@@ -34,7 +34,7 @@ RESIDUAL_STOPS = ("#56b4e9", "#f0e442", "#d55e00")
 """From no residual to the worst: told apart by lightness and hue, on photos and on grey models."""
 WORST_PX = 3.0
 """Residual with the last colour."""
-BAR_M = 0.004
+BAR_M = 0.02
 """Radius of the bars that matched edges are drawn as: views colour faces, and not lines."""
 
 
