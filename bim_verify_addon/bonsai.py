@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import math
 import sys
+import tempfile
 from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -28,6 +30,20 @@ def live_path() -> str:
     """Where that file was loaded from; empty for one that was never saved."""
     ifc = _ifc()
     return (ifc.get_path() or "") if ifc is not None and ifc.get() is not None else ""
+
+
+def live_copy() -> tuple[tempfile.TemporaryDirectory[str], Path] | None:
+    """A temporary folder with a copy of that file as it is now, unsaved edits included, and the copy.
+
+    For a worker thread, which must use nothing of Bonsai; it leaves the folder with ``with``. Call this on the main thread.
+    """
+    live = live_file()
+    if live is None:
+        return None
+    folder = tempfile.TemporaryDirectory(prefix="bim_verify_")
+    copy = Path(folder.name) / "live.ifc"
+    live.write(str(copy))
+    return folder, copy
 
 
 def view_frame(scene: bpy.types.Scene) -> ViewFrame | None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ..core.facade.mockup import Mockup
 
 FACADES = "Facades"
-BOX_KEY = "bim_verify_facade"
+BOX_KEY = "bim_verify_facade_box"
 """On a rectangle: the number of its facade."""
 KINDS = ("window", "door")
 KIND_KEY = "kind"
@@ -153,6 +153,7 @@ def _photo(
     nodes, links = made.node_tree.nodes, made.node_tree.links
     texture, shader = nodes.new("ShaderNodeTexImage"), nodes.new("ShaderNodeEmission")
     texture.image = image
+    nodes.active = texture  # what solid shading shows
     links.new(texture.outputs["Color"], shader.inputs["Color"])
     links.new(shader.outputs[0], nodes["Material Output"].inputs["Surface"])
     item.data.materials.append(made)

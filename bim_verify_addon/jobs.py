@@ -20,6 +20,8 @@ from .session import SESSION, RunningJob
 T = TypeVar("T")
 Work = Callable[[Progress], T]
 TICK_S = 0.1
+SETTLED_S = 0.3
+"""After the end of a job its result is drawn."""
 LONGEST_WAIT_S = 10.0
 """For a job to notice that Blender ends it; compiled code cannot be stopped half-way."""
 
@@ -146,6 +148,8 @@ class Job(Generic[T]):
         if context.workspace is not None:
             context.workspace.status_text_set(None)
         _redraw(context)
+        if not bpy.app.background:
+            bpy.app.timers.register(_redraw_again, first_interval=SETTLED_S)
 
     def _finished(self, context: bpy.types.Context, value: Any) -> set[str]:
         try:
@@ -208,6 +212,11 @@ def rough_duration(seconds: float) -> str:
     if (whole := round(seconds)) < 60:
         return f"{whole} s"
     return f"{round(whole / 60)} min" if whole < 3600 else f"{round(whole / 3600)} h"
+
+
+def _redraw_again() -> None:
+    """Blender lays a panel out as high as it was when last drawn: one that grew overlaps the next until then."""
+    _redraw(bpy.context)
 
 
 def _redraw(context: bpy.types.Context) -> None:

@@ -79,7 +79,7 @@ def _draw() -> None:
     for title, one in shown:
         left = _draw_legend(context, size, scale, title, one, left)
     if settings.show_numbers:
-        _draw_numbers(context, size, scale)
+        _draw_numbers(context, size, scale, left)
     if settings.show_hover and HOVER.lines and HOVER.region == context.region.as_pointer():
         _draw_hover(context, size, scale)
     gpu.state.blend_set("NONE")
@@ -119,18 +119,21 @@ def numbers(context: bpy.types.Context) -> list[str]:
         if rows:
             if capability.why is not None:
                 lines += textwrap.wrap(capability.why(item), LINE_LENGTH)
-            lines += [f"{name}: {value}" for name, value in rows if value not in ("", "–")][:MOST_ROWS]
+            said = [f"{name}: {value}" for name, value in rows if value not in ("", "–")][:MOST_ROWS]
+            lines += [line for one in said for line in textwrap.wrap(one, LINE_LENGTH)]
             break
     return lines
 
 
-def _draw_numbers(context: bpy.types.Context, size: float, scale: float) -> None:
+def _draw_numbers(context: bpy.types.Context, size: float, scale: float, left: float) -> None:
+    """Beside the legend, in the corner: a finding that was stepped to stands in the middle of the view."""
     lines = numbers(context)
     if not lines:
         return
     width, _ = _plate_size(lines, size)
     right = next((r.width for r in context.area.regions if r.type == "UI"), 0)
-    _plate(lines, size, context.region.width - right - width - MARGIN * scale, MARGIN * scale - 0.6 * size)
+    left = min(left - 0.6 * size, context.region.width - right - width - MARGIN * scale)
+    _plate(lines, size, max(left, 0.0), MARGIN * scale - 0.6 * size + _redo_panel_height(context))
 
 
 def _draw_hover(context: bpy.types.Context, size: float, scale: float) -> None:

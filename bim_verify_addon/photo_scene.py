@@ -12,7 +12,10 @@ from mathutils import Matrix
 from numpy.typing import NDArray
 
 from ..core.imagery.camera import PHOTOGRAMMETRIC, Camera
+from ..core.report import palette
 from . import frame, project, scene
+from .colors import Legend, scale_of
+from .materials import surface_material
 
 if TYPE_CHECKING:
     from ..core.imagery.coregistration import CoregistrationResult
@@ -27,9 +30,12 @@ SUMMARY_KEY = "bim_verify_photos"
 """On the scene: what the last registration found, in one sentence."""
 RESIDUAL = "bv_residual"
 """Per vertex of the matched edges: distance of the image line from the projected edge, pixels."""
-FAR_COLOR, NEAR_COLOR = (0.92, 0.25, 0.2, 1.0), (0.1, 0.8, 0.35, 1.0)
+RESIDUAL_STOPS = ("#56b4e9", "#f0e442", "#d55e00")
+"""From no residual to the worst: told apart by lightness and hue, on photos and on grey models."""
 WORST_PX = 3.0
-"""Residual that is drawn in the warning colour."""
+"""Residual with the last colour."""
+BAR_M = 0.02
+"""Radius of the bars that matched edges are drawn as: views colour faces, and not lines."""
 
 
 def show_photos(target: bpy.types.Scene, result: CoregistrationResult) -> str:
@@ -53,6 +59,7 @@ def show_photos(target: bpy.types.Scene, result: CoregistrationResult) -> str:
         _edges(target, name, found, result.model.origin, place)
     if target.camera is None or PHOTO_KEY in target.camera:
         target.camera = pose_of(target, Path(result.images[0]).name)
+    scene.show_colors_in_views()
     placed = sum(state in ("REFINED", "PARTLY") for state in states)
     target[SUMMARY_KEY] = f"{placed} of {len(states)} images are placed on the model."
     return str(target[SUMMARY_KEY])
@@ -128,25 +135,48 @@ def _camera(
 def _edges(
     target: bpy.types.Scene, name: str, found: ImageRegistration, origin: NDArray[np.float64], place: frame.ViewFrame
 ) -> None:
-    """The matched edges as a mesh of lines that carries the residuals."""
+    """The matched edges as bars that carry the residuals."""
     kept = [m for m in found.matches if m.kept]
     if not kept:
         return
-    ends = np.concatenate([m.edge for m in kept])
-    middle = ends.mean(axis=0)
+    ends = np.array([m.edge for m in kept], dtype=np.float64)
+    middle = ends.reshape(-1, 3).mean(axis=0)
+    corners, faces = _bars(ends - middle)
     mesh = bpy.data.meshes.new(f"{name} edges")
-    mesh.from_pydata((ends - middle).tolist(), [(2 * k, 2 * k + 1) for k in range(len(kept))], [])
-    residual = np.repeat(np.array([m.residual for m in kept]), 2).astype(np.float32)
+    mesh.from_pydata(corners.tolist(), [], faces.tolist())
+    residual = np.repeat(np.array([abs(m.residual) for m in kept]), len(corners) // len(kept)).astype(np.float32)
     scene.set_attribute(mesh, RESIDUAL, "FLOAT", residual)
-    share = np.clip(residual / WORST_PX, 0.0, 1.0)[:, None]
-    color = ((1.0 - share) * np.array(NEAR_COLOR) + share * np.array(FAR_COLOR)).astype(np.float32)
+    color = np.ones((len(residual), 4), dtype=np.float32)
+    color[:, :3] = palette.to_linear(palette.ramp_color(residual, 0.0, WORST_PX, RESIDUAL_STOPS))
     scene.set_attribute(mesh, scene.COLOR, "FLOAT_COLOR", color)
+    scene.make_active_color(mesh)
+    mesh.materials.append(surface_material(scene.COLOR))
     item = bpy.data.objects.new(f"{name} edges", mesh)
     item.show_in_front = True
-    item.color = NEAR_COLOR
     item[frame.ORIGIN_KEY] = [float(v) for v in middle + origin]
     frame.place(item, place)
     _keep(target, item, name)
+
+
+def legend(target: bpy.types.Scene) -> Legend | None:
+    """What the colours of matched edges mean, while there are any."""
+    if not any(RESIDUAL in item.data.attributes for item in target.objects if PHOTO_KEY in item and item.type == "MESH"):
+        return None
+    return Legend((), scale_of(0.0, WORST_PX, unit="px", stops=RESIDUAL_STOPS))
+
+
+def _bars(ends: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Lines (N, 2, 3) as three-sided bars: corners (6 N, 3), those of a line together, and sides (3 N, 4)."""
+    along = ends[:, 1] - ends[:, 0]
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    across = np.cross(along, np.where(np.abs(along[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+    third = np.cross(along, across)
+    turn = np.arange(3) * (2 * np.pi / 3)
+    ring = BAR_M * (np.cos(turn)[:, None] * across[:, None] + np.sin(turn)[:, None] * third[:, None])
+    corners = (ends[:, :, None] + ring[:, None]).reshape(-1, 3)
+    side = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]])
+    return corners, (6 * np.arange(len(ends))[:, None, None] + side).reshape(-1, 4)
 
 
 def _keep(target: bpy.types.Scene, item: bpy.types.Object, name: str) -> None:

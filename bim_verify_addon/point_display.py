@@ -15,6 +15,25 @@ MODIFIER = "BIM Verify Display"
 POINTS, VOXELS = "BIM Verify Points", "BIM Verify Voxels"
 SIZE = "Size"
 COLOR = "bv_color"
+EMULATED = ("llvmpipe", "softpipe", "swrast", "swiftshader", "software", "basic render", "gdi generic")
+"""In the names of renderers that draw on the processor: virtual machines, remote desktops, test machines."""
+MOST_EMULATED = 100_000
+"""Points; each million takes such a renderer some seconds whenever the view is drawn, and nothing else can be done then."""
+
+
+def points_shown(settings: bpy.types.PropertyGroup) -> int:
+    """To how many points a scan is thinned: as set; unless someone set it, no more than an emulated view can draw."""
+    wanted = int(settings.display_points)
+    return wanted if settings.is_property_set("display_points") or not emulated() else min(wanted, MOST_EMULATED)
+
+
+def emulated() -> bool:
+    """Whether the processor draws the window."""
+    if bpy.app.background:
+        return False
+    import gpu
+
+    return any(name in gpu.platform.renderer_get().lower() for name in EMULATED)
 
 
 def show_as_points(item: bpy.types.Object, diameter: float) -> None:

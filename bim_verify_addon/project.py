@@ -90,11 +90,8 @@ def model_loader(scene: bpy.types.Scene, path: str = "") -> Callable[[Progress],
     from ..core.model.load import load_model
 
     threads = scene.bim_verify.threads
-    live = bonsai.live_file()
-    if live is not None:
-        folder = tempfile.TemporaryDirectory(prefix="bim_verify_")
-        copy = Path(folder.name) / "live.ifc"
-        live.write(str(copy))
+    if (live := bonsai.live_copy()) is not None:
+        folder, copy = live
         known = bonsai.live_path() or "unsaved.ifc"
 
         def load_live(progress: Progress) -> BuildingModel:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 
 import bpy
 import numpy as np
@@ -49,9 +49,9 @@ def element_objects(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
     return {item[GUID_KEY]: item for item in scene.objects if GUID_KEY in item and frame.ORIGIN_KEY in item}
 
 
-def scan_objects(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
+def scan_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     """The display clouds of the scene."""
-    return (item for item in scene.objects if SCAN_KEY in item)
+    return [item for item in scene.objects if SCAN_KEY in item]
 
 
 def show_model(scene: bpy.types.Scene, model: BuildingModel) -> None:
@@ -155,13 +155,13 @@ def show_planned(context: bpy.types.Context, planned: bool) -> None:
             item.hide_set(not planned)
 
 
-def show_colors_in_views() -> None:
-    """Let solid shading in all 3D views show the colour attribute."""
+def show_colors_in_views(kind: str = "VERTEX") -> None:
+    """Let solid shading in all 3D views show the colour attribute; ``TEXTURE``: pictures on surfaces."""
     for screen in bpy.data.screens:
         for area in screen.areas:
             for space in area.spaces:
                 if space.type == "VIEW_3D":
-                    space.shading.color_type = "VERTEX"
+                    space.shading.color_type = kind
 
 
 def collection(scene: bpy.types.Scene, *path: str) -> bpy.types.Collection:

@@ -1,4 +1,4 @@
-"""Scan quality and scan plans in the scene: elements coloured by what is missing and why, stations with their views."""
+"""Scan quality in the scene: elements coloured by what is missing and why, stations with their views."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from . import frame, project, scene
 from .surface_grid import FACING_WEIGHT_M, SurfaceGrid, build_grid, edge_lengths
 
 if TYPE_CHECKING:
-    from ..core.planning.results import PlanResult
     from ..core.quality.results import QualityResult
 
 STATIONS = "Stations"
@@ -97,6 +96,7 @@ def make_survey_display(
 
 def show_quality(target: bpy.types.Scene, result: QualityResult, display: SurveyDisplay) -> str:
     """Show on every element what is missing and why, mark the stations, and return one sentence."""
+    from ..core.quality.levels import ACTIONS  # here: enabling the extension must not wait for its libraries
     from . import paint
 
     existing = scene.element_objects(target)
@@ -119,7 +119,7 @@ def show_quality(target: bpy.types.Scene, result: QualityResult, display: Survey
         quality = result.elements[index]
         item["bim_verify_coverage"] = quality.measured.coverage
         item["bim_verify_gsa_level"] = quality.gsa_level
-        item["bim_verify_actions"] = ", ".join(quality.actions)
+        item["bim_verify_actions"] = "; ".join(ACTIONS[action] for action in quality.actions)
         item["bim_verify_quality"] = quality.reason
     show_stations(target, [
         Marker(s.name, s.position, s.elevation_min if s.returns else -math.pi / 3, f"{s.returns:,} returns")
@@ -137,23 +137,6 @@ def forget(target: bpy.types.Scene) -> None:
     for item in scene.element_objects(target).values():
         for key in ELEMENT_KEYS:
             item.pop(key, None)
-
-
-def show_plan(target: bpy.types.Scene, result: PlanResult) -> str:
-    """Mark the planned stations, and return one sentence."""
-    from ..core.planning.sentences import plan_sentence  # here: enabling the extension must not wait for its libraries
-
-    if not scene.element_objects(target):
-        scene.show_model(target, result.model)
-    show_stations(target, [
-        Marker(
-            s.name, s.position, result.scanner.elevation_min,
-            ", ".join(s.actions) or f"measures {s.area:.0f} m2, {s.new_area:.0f} m2 more", planned=True,
-        )
-        for s in result.stations
-    ], planned=True)
-    target[SUMMARY_KEY] = plan_sentence(result)
-    return str(target[SUMMARY_KEY])
 
 
 def show_stations(target: bpy.types.Scene, markers: Sequence[Marker], *, planned: bool) -> None:
@@ -184,19 +167,15 @@ def station_markers(target: bpy.types.Scene) -> list[tuple[str, NDArray[np.float
     return [(item[STATION_KEY], place.to_model(np.array(item.matrix_world.translation))) for item in items]
 
 
-def show_any(target: bpy.types.Scene, result: object, budget: int) -> bool:
-    """Show a survey or a plan in an empty scene (``--blend``); False when it is neither."""
-    from ..core.planning.results import PlanResult  # here: enabling the extension must not wait for its libraries
-    from ..core.quality.results import QualityResult
+def show_survey(target: bpy.types.Scene, result: object, budget: int) -> bool:
+    """Show a survey in an empty scene (``--blend``); False when it is none."""
+    from ..core.quality.results import QualityResult  # here: enabling the extension must not wait for its libraries
 
-    if not isinstance(result, (QualityResult, PlanResult)):
+    if not isinstance(result, QualityResult):
         return False
     target.bim_verify.model_path = str(Path(result.model.path).resolve())
     project.adopt_frame(target, result.model)
-    if isinstance(result, QualityResult):
-        show_quality(target, result, make_survey_display(result, budget))
-    else:
-        show_plan(target, result)
+    show_quality(target, result, make_survey_display(result, budget))
     scene.show_colors_in_views()
     return True
 

@@ -117,8 +117,8 @@ def _note(column: Column) -> str:
             continue
         moved = "" if joint.vertical_significant or joint.lateral_significant else ", not significant"
         lines.append(
-            f"{joint.height:.2f} m: up {1000 * joint.vertical:+z.1f} mm (sigma {1000 * joint.vertical_sigma:.1f}), "
-            f"out {1000 * joint.lateral:+z.1f} mm (sigma {1000 * joint.lateral_sigma:.1f}){moved}"
+            f"{joint.height:.2f} m: up {1000 * joint.vertical:+z.1f} mm (sigma {1000 * joint.vertical_sigma:.1f} mm), "
+            f"out {1000 * joint.lateral:+z.1f} mm (sigma {1000 * joint.lateral_sigma:.1f} mm){moved}"
         )
     return "\n".join(lines)
 

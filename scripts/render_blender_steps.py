@@ -103,7 +103,6 @@ def facade(inputs: Path, out: Path) -> Iterator[float]:
     yield from do("facade", filepath=str(inputs / "facade.png"))
     items = list(bpy.context.scene.objects)
     frame(items, FROM_SOUTH)
-    view().spaces.active.shading.type = "MATERIAL"
     chosen = next(item for item in items if item.get("kind") == "window")
     bpy.context.view_layer.objects.active = chosen
     chosen.select_set(True)

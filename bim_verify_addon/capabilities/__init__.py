@@ -14,6 +14,7 @@ NAMES = (
     "verify",
     "change",
     "quality",
+    "plan",
     "reconstruct",
     "displacement",
     "classify",

@@ -17,7 +17,7 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row = layout.row()
     row.scale_y = MAIN_HEIGHT
     row.operator_menu_enum("bim_verify.align", "mode", text="Align Scans", icon="ORIENTATION_GLOBAL")
-    layout.prop(context.scene.bim_verify, "align", text="When verifying")
+    layout.prop(context.scene.bim_verify, "align", text="In Verify")
 
 
 CAPABILITY = Capability("align", Step("align", "Align", _state, _draw, optional=True))

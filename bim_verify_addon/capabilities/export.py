@@ -26,6 +26,7 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column.operator("bim_verify.export_bcf", icon="BOOKMARKS")
     column.operator("bim_verify.report", icon="TEXT")
     column.operator("bim_verify.export_table", icon="SPREADSHEET")
+    column.operator("bim_verify.export_dimensions", icon="DRIVER_DISTANCE")
 
 
 def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -36,4 +36,6 @@ def show(scene: bpy.types.Scene, result: Any) -> bool:
     return photo_scene.show(scene, result)
 
 
-CAPABILITY = Capability("photos", Step("photos", "Photos", _state, _draw, optional=True), show=show)
+CAPABILITY = Capability(
+    "photos", Step("photos", "Photos", _state, _draw, optional=True), legend=photo_scene.legend, show=show
+)

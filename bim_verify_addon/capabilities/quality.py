@@ -78,7 +78,7 @@ def _numbers(item: bpy.types.Object) -> list[tuple[str, str]]:
         return []
     return [
         ("Returns on", percent(item["bim_verify_coverage"])),
-        ("GSA level", str(item["bim_verify_gsa_level"])),
+        ("GSA level", str(item["bim_verify_gsa_level"] or "none")),
         ("To do", str(item["bim_verify_actions"])),
     ]
 
@@ -96,8 +96,8 @@ def _brief(item: bpy.types.Object, vertex: int) -> list[str]:
 
 
 def show(scene: bpy.types.Scene, result: Any) -> bool:
-    """Put a survey or a plan into the scene; False if the result is neither."""
-    return survey_scene.show_any(scene, result, scene.bim_verify.display_vertices)
+    """Put a survey into the scene; False if the result is none."""
+    return survey_scene.show_survey(scene, result, scene.bim_verify.display_vertices)
 
 
 CAPABILITY = Capability(

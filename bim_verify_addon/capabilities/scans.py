@@ -6,6 +6,7 @@ import bpy
 
 from .. import project
 from ..capability import Capability, Step, StepState
+from ..point_display import points_shown
 from ..step_parts import main_button
 
 
@@ -17,7 +18,8 @@ class BIMVERIFY_UL_scans(bpy.types.UIList):
         row.prop(item, "use", text="")
         row.label(text=item.name)
         row.label(text=f"{item.points / 1e6:.2f} M")
-        row.prop(item, "dense", text="", icon="IMAGE_DATA", emboss=item.dense)
+        icon = "IMAGE_DATA" if item.dense else "OUTLINER_OB_POINTCLOUD"
+        row.prop(item, "dense", text="", icon=icon, emboss=item.dense)
 
 
 def _state(scene: bpy.types.Scene) -> StepState:
@@ -25,7 +27,7 @@ def _state(scene: bpy.types.Scene) -> StepState:
     if not project.scan_paths(scene.bim_verify):
         return StepState(False, "Dense points need the project of their photos" if used else "No scan yet")
     points = sum(scan.points for scan in used)
-    stations = sum(scan.stations for scan in used)
+    stations = sum(scan.stations for scan in used if not scan.dense)
     return StepState(True, f"{points / 1e6:.1f} M points, {stations} station{'s' if stations != 1 else ''}")
 
 
@@ -41,6 +43,8 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     for name in ("scan_frame", "origin", "display_points", "point_size_mm"):
         layout.prop(context.scene.bim_verify, name)
+    if (shown := points_shown(context.scene.bim_verify)) < context.scene.bim_verify.display_points:
+        layout.label(text=f"{shown:,} are shown: graphics are emulated", icon="INFO")
 
 
 CAPABILITY = Capability("scans", Step("scans", "Scans", _state, _draw, _expert), classes=(BIMVERIFY_UL_scans,))

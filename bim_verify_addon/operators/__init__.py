@@ -9,6 +9,7 @@ from .displacement import BIMVERIFY_OT_displacement
 from .export_bcf import BIMVERIFY_OT_export_bcf
 from .export_ifc import BIMVERIFY_OT_export_ifc
 from .export_other import (
+    BIMVERIFY_OT_export_dimensions,
     BIMVERIFY_OT_export_ids,
     BIMVERIFY_OT_export_table,
     BIMVERIFY_OT_export_templates,
@@ -55,6 +56,7 @@ CLASSES = (
     BIMVERIFY_OT_export_bcf,
     BIMVERIFY_OT_report,
     BIMVERIFY_OT_export_table,
+    BIMVERIFY_OT_export_dimensions,
     BIMVERIFY_OT_export_ids,
     BIMVERIFY_OT_export_templates,
 )

@@ -57,6 +57,6 @@ class BIMVERIFY_OT_align(Job["tuple[AlignmentRecord, NDArray[np.float64]]"], bpy
         settings.align = self.mode
         scene.move_scans(context.scene, placement)
         fit = "" if record.rms is None else f", residual {1000 * record.rms:.1f} mm"
-        weakest = f" Weakest: {record.weakest_direction}." if record.weakest_direction else ""
+        weakest = f" Weakest: {record.weakest_direction}" if record.weakest_direction else ""
         settings.alignment_summary = f"Aligned ({self.mode}){fit}.{weakest}"
         return settings.alignment_summary

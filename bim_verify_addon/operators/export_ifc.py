@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,7 +38,7 @@ class BIMVERIFY_OT_export_ifc(ResultFile, bpy.types.Operator):
     def writer(self, context: bpy.types.Context) -> Write:
         from ...core.model.write_psets import write_verified_ifc
 
-        live = bonsai.live_file()
+        live = bonsai.live_copy()
         if live is None:
 
             def write(result: VerificationResult, path: Path, progress: Progress) -> str:
@@ -49,9 +48,7 @@ class BIMVERIFY_OT_export_ifc(ResultFile, bpy.types.Operator):
 
             return write
 
-        folder = tempfile.TemporaryDirectory(prefix="bim_verify_")
-        copy = Path(folder.name) / "live.ifc"
-        live.write(str(copy))  # here: nothing of Bonsai is used in another thread
+        folder, copy = live
 
         def hand_over(result: VerificationResult, path: Path, progress: Progress) -> str:
             with folder, whole_file(path) as temporary:

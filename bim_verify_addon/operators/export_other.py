@@ -1,7 +1,8 @@
-"""The report, the table, the IDS and the property set templates."""
+"""The report, the tables, the IDS and the property set templates."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,12 +10,29 @@ from typing import TYPE_CHECKING
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
+from ...core.errors import BimVerifyError
 from ...core.progress import Progress
-from .. import selection
+from .. import bonsai, selection
 from .result_file import ResultFile, Write
 
 if TYPE_CHECKING:
+    from ...core.dimensions.table import Dimension
     from ...core.results import VerificationResult
+
+
+def dimensions_reader() -> Callable[[VerificationResult], list[Dimension]]:
+    """What finds the dimensions as built, from Bonsai's file in memory where it holds one. Call this on the main thread."""
+    from ...core.dimensions.as_built import as_built_dimensions
+
+    if (live := bonsai.live_copy()) is None:
+        return as_built_dimensions
+    folder, copy = live
+
+    def of_live(result: VerificationResult) -> list[Dimension]:
+        with folder:
+            return as_built_dimensions(result, copy)
+
+    return of_live
 
 
 class BIMVERIFY_OT_report(ResultFile, bpy.types.Operator):
@@ -29,12 +47,56 @@ class BIMVERIFY_OT_report(ResultFile, bpy.types.Operator):
 
     filepath: StringProperty(name="Folder", subtype="FILE_PATH", description="The folder to write; made if it is missing")
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
+    dimensions: BoolProperty(
+        name="Dimensions as built",
+        description="With a table of rooms and openings: clear widths and heights as planned and as built, millimetres",
+    )
 
     def writer(self, context: bpy.types.Context) -> Write:
         from ...core.report.html import write_report
 
+        read = dimensions_reader() if self.dimensions else None
+
         def write(result: VerificationResult, path: Path, progress: Progress) -> str:
-            return str(write_report(path, result, progress=progress))
+            progress.update(0.0, "Writing the report")
+            rows = read(result) if read is not None else ()
+            return str(write_report(path, result, dimensions=rows, progress=progress.part(0.3, 1.0)))
+
+        return write
+
+
+class BIMVERIFY_OT_export_dimensions(ResultFile, bpy.types.Operator):
+    """Write the clear widths and heights of rooms and openings as planned and as built, with their uncertainty."""
+
+    bl_idname = "bim_verify.export_dimensions"
+    bl_label = "Export Dimensions"
+    bl_description = (
+        "Write clear widths and heights of rooms and openings, planned and as built, with 95 % intervals, and tests for plumb, "
+        "square, parallel and flat (CSV, millimetres)"
+    )
+    bl_options = {"REGISTER"}
+    title = "Export Dimensions"
+    ending, suffixes = "_dimensions.csv", (".csv",)
+
+    filepath: StringProperty(name="File", subtype="FILE_PATH", description="The .csv file to write")
+    filter_glob: StringProperty(default="*.csv", options={"HIDDEN"})
+    check_existing: BoolProperty(default=True, options={"HIDDEN"})
+
+    def writer(self, context: bpy.types.Context) -> Write:
+        from ...core.dimensions.table import write_dimensions
+
+        read = dimensions_reader()
+
+        def write(result: VerificationResult, path: Path, progress: Progress) -> str:
+            progress.update(0.0, "Measuring rooms and openings")
+            rows = read(result)
+            if not rows:
+                raise BimVerifyError(
+                    "No room or opening of the model was seen on two facing sides, so there is nothing to measure. "
+                    "Dimensions need IfcSpace or IfcOpeningElement, and scans of what bounds them."
+                )
+            write_dimensions(path, rows)
+            return f"{path}, {len(rows)} lines"
 
         return write
 

@@ -12,7 +12,7 @@ from bpy.props import BoolProperty, FloatProperty, StringProperty
 from ...core.errors import BimVerifyError
 from ...core.files import whole_file
 from ...core.progress import Progress
-from .. import project
+from .. import project, scene
 from ..jobs import Work
 from .file_browser import FileJob, idle
 
@@ -76,6 +76,7 @@ class BIMVERIFY_OT_facade(FileJob["Mockup"], bpy.types.Operator):
         from ..facade_scene import show_mockup
 
         show_mockup(context.scene, value)
+        scene.show_colors_in_views("TEXTURE")
         self.warn(warning for facade in value.facades for warning in facade.warnings)
         context.scene.bim_verify_facade.summary = summary(value)
         return summary(value)

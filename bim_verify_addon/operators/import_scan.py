@@ -14,6 +14,7 @@ from ...core.errors import BimVerifyError
 from ...core.progress import Progress
 from .. import project, scene
 from ..jobs import Work
+from ..point_display import points_shown
 from ..session import SESSION
 from ..sight import look_at_all
 from .file_browser import FileJob, idle
@@ -71,7 +72,7 @@ class BIMVERIFY_OT_import_scan(FileJob[Clouds], bpy.types.Operator):
             raise BimVerifyError("No scan file was given. Choose at least one.")
         paths = [bpy.path.abspath(path) for path in paths]
         settings = context.scene.bim_verify
-        options, most = project.options(settings), settings.display_points
+        options, most = project.options(settings), points_shown(settings)
         model = SESSION.models.get(context.scene.name)
         campaign = list(dict.fromkeys([*project.scan_paths(settings), *paths]))
 

@@ -8,7 +8,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
 from ...core.progress import Progress
-from .. import project, selection
+from .. import project, scene, selection
+from ..forecast_scene import show_plan
 from ..jobs import Job, Work
 from ..properties import LOA_ITEMS
 from .file_browser import has_model, idle
@@ -65,9 +66,8 @@ class BIMVERIFY_OT_plan(Job["PlanResult"], bpy.types.Operator):
         return work
 
     def finish(self, context: bpy.types.Context, value: PlanResult) -> str:
-        from ..survey_scene import show_plan
-
         project.adopt_frame(context.scene, value.model)
         message = show_plan(context.scene, value)
+        scene.show_colors_in_views()
         self.warn(value.warnings)
         return message

@@ -6,7 +6,7 @@ import bpy
 
 from ..capabilities import CAPABILITIES
 from ..known import known_object
-from ..text import wrapped
+from ..text import table, wrapped
 from .steps import TAB
 
 
@@ -39,9 +39,4 @@ class BIMVERIFY_PT_element(bpy.types.Panel):
             box = layout.box()
             if capability.why is not None:
                 wrapped(box, context, capability.why(item))
-            column = box.column(align=True)
-            column.scale_y = 0.8
-            for name, value in rows:
-                split = column.split(factor=0.45)
-                split.label(text=name)
-                split.label(text=value)
+            table(box, context, rows)

@@ -36,7 +36,8 @@ class BIMVERIFY_PT_result(bpy.types.Panel):
         if settings.result_summary:
             wrapped(layout, context, settings.result_summary)
         if settings.overruled:
-            wrapped(layout, context, f"{settings.overruled} of the verdicts are overruled by a person")
+            many = f"{settings.overruled} verdicts are" if settings.overruled > 1 else "1 verdict is"
+            wrapped(layout, context, f"{many} overruled by a person")
         layout.prop(settings, "color_mode")
         if settings.color_mode == "DEVIATION":
             layout.prop(settings, "deviation_range_mm")

@@ -26,7 +26,8 @@ def _decide(values: Values, progress: Progress) -> Outcome:
         status = next(s for s in STATUSES if s == values["status"])
         decision = Decision(status, reason, values["by"] or "", datetime.date.today().isoformat(), "")
     word = "as computed again" if taken_back else values["status"]
-    line = f"{len(values['element'])} elements {word}: {values['out']}"
+    count = len(values["element"])
+    line = f"{count} element{'s' if count != 1 else ''} {word}: {values['out']}"
     data = {"elements": values["element"], "status": values["status"], "reason": reason}
     chosen = dict.fromkeys(values["element"], decision)
     return Outcome([line], data, write=lambda: write_decisions(values["model"], values["out"], chosen))

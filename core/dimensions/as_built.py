@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,12 +54,13 @@ class Face:
     """Of one sample's deviation, median [m]."""
 
 
-def as_built_dimensions(result: VerificationResult) -> list[Dimension]:
+def as_built_dimensions(result: VerificationResult, source: str | Path | None = None) -> list[Dimension]:
     """Clear widths and heights of every space and opening of the model's file, and tests of the faces of the spaces.
 
-    Only faces that were measured are used. Raises BimVerifyError when the model's file cannot be read.
+    ``source``: the file, where it is another than ``result.model.path``. Only faces that were measured are used. Raises
+    BimVerifyError when the file cannot be read.
     """
-    spaces, openings = read_regions(result.model.path, result.model.origin)
+    spaces, openings = read_regions(source or result.model.path, result.model.origin)
     names = [e.name or e.global_id for e in result.model.elements]
     rows: list[Dimension] = []
     bounds = np.array([e.ifc_class.startswith(BOUNDING) for e in result.model.elements], dtype=np.bool_)

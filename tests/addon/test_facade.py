@@ -30,6 +30,8 @@ def test_corrections_are_written(blender: bpy.types.Scene, read: list[bpy.types.
     assert count > 5
     assert "windows" in blender.bim_verify_facade.summary
     windows = sorted((i for i in read if i[facade_scene.KIND_KEY] == "window"), key=lambda i: (-i.location.z, i.location.x))
+    for item in read:  # what drawing the panel of a selected rectangle does
+        assert item.bim_verify_facade.kind == item[facade_scene.KIND_KEY].upper()
     moved, gone = windows[0], windows[1]
     before = {(round(b.x0, 3), round(b.z0, 3)) for b in facade_scene.read_mockup(blender).facades[0].boxes}
     moved.location.x += 0.25

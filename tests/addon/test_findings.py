@@ -14,6 +14,7 @@ from bcf.bcfxml import load
 from mathutils import Vector
 
 from bim_verify.bim_verify_addon import overlay, point_display, project, scene, verdicts
+from bim_verify.bim_verify_addon.operators import import_ifc, import_scan
 from bim_verify.bim_verify_addon.sight import look_at_all, sight
 from bim_verify.core.errors import Cancelled
 from bim_verify.core.model.decisions import decisions_in
@@ -259,6 +260,17 @@ def test_points_and_voxels_become_geometry(blender: bpy.types.Scene, scan: Path)
     assert tuple(item.color) == pytest.approx((1.0, 0.0, 0.0, 1.0))
 
 
+def test_an_emulated_view_is_given_fewer_points_unless_someone_says_how_many(
+    blender: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = blender.bim_verify
+    assert point_display.points_shown(settings) == settings.display_points == 1_000_000
+    monkeypatch.setattr(point_display, "emulated", lambda: True)
+    assert point_display.points_shown(settings) == point_display.MOST_EMULATED
+    settings.display_points = 2_000_000
+    assert point_display.points_shown(settings) == 2_000_000
+
+
 def test_another_model_takes_the_findings_of_the_first_away(verified: bpy.types.Scene, house: Path, tmp_path: Path) -> None:
     ops.import_ifc(filepath=str(house))  # the same again: they still hold
     assert dict(status_counts(verified))["ABSENT"]
@@ -273,6 +285,19 @@ def test_another_model_takes_the_findings_of_the_first_away(verified: bpy.types.
     assert not ops.export_bcf.poll()
     assert not ops.step_finding.poll()
     assert item["GlobalId"] in verdicts.decisions(verified)
+
+
+@pytest.mark.parametrize("model_first", [True, False])
+def test_only_the_first_import_moves_the_view(
+    blender: bpy.types.Scene, house: Path, scan: Path, monkeypatch: pytest.MonkeyPatch, model_first: bool
+) -> None:
+    looked: list[int] = []
+    for operators in (import_ifc, import_scan):
+        monkeypatch.setattr(operators, "look_at_all", lambda _, items: looked.append(len(items)))
+    steps = [lambda: ops.import_ifc(filepath=str(house)), lambda: ops.import_scan(filepath=str(scan))]
+    for step in steps if model_first else reversed(steps):
+        assert step() == {"FINISHED"}
+        assert looked == [5 if model_first else 1]
 
 
 def test_the_first_thing_in_a_scene_is_looked_at_as_a_whole(

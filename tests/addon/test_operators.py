@@ -107,7 +107,7 @@ def test_import_scan_is_a_coloured_cloud(blender: bpy.types.Scene, scan: Path) -
 def test_scan_is_thinned_for_display_only(blender: bpy.types.Scene, scan: Path) -> None:
     blender.bim_verify.display_points = 1000
     ops.import_scan(filepath=str(scan))
-    assert len(next(scene.scan_objects(blender)).data.vertices) == 1000
+    assert len(scene.scan_objects(blender)[0].data.vertices) == 1000
     assert blender.bim_verify.scans[0].points == 2000
 
 
@@ -118,7 +118,7 @@ def test_scans_can_be_chosen_together_and_removed(blender: bpy.types.Scene, scan
     assert [s.name for s in blender.bim_verify.scans] == ["a.xyz", "b.xyz"]
     ops.remove_scan()
     assert [s.name for s in blender.bim_verify.scans] == ["a.xyz"]
-    assert len(list(scene.scan_objects(blender))) == 1
+    assert len(scene.scan_objects(blender)) == 1
 
 
 def test_verify_writes_the_attributes(

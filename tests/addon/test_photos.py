@@ -13,7 +13,7 @@ from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Vector
 from PIL import Image
 
-from bim_verify.bim_verify_addon import photo_scene, project
+from bim_verify.bim_verify_addon import overlay, photo_scene, project
 from bim_verify.bim_verify_addon.capabilities import CAPABILITIES
 from bim_verify.bim_verify_addon.session import SESSION
 from bim_verify.core.imagery.cameras_file import CameraList, KnownCamera, camera_to_plain
@@ -65,8 +65,16 @@ def test_the_operator_places_cameras_with_their_images(
     step = next(c.step for c in CAPABILITIES if c.name == "photos")
     assert step.state(blender).done
     edges = next(i for i in blender.objects if i.name.endswith("edges"))
-    assert len(edges.data.edges) == sum(m.kept for m in result.registrations[0].matches)
-    assert photo_scene.RESIDUAL in edges.data.attributes
+    kept = [m for m in result.registrations[0].matches if m.kept]
+    residual = np.empty(len(edges.data.vertices), np.float32)
+    edges.data.attributes[photo_scene.RESIDUAL].data.foreach_get("value", residual)
+    assert np.allclose(residual, np.repeat([abs(m.residual) for m in kept], 6))
+    corners = np.array([v.co for v in edges.data.vertices]) + edges.matrix_world.translation
+    for k, match in enumerate(kept):  # a bar lies along its edge
+        ends = corners[6 * k : 6 * k + 6].reshape(2, 3, 3).mean(axis=1)
+        assert np.allclose(ends, match.edge + result.model.origin, atol=1e-4)
+    titles = dict(overlay.legends(blender))
+    assert titles["Photos"].ramp.ticks[-1] == (1.0, "3 px")
 
 
 def test_before_and_after_are_two_cameras(blender: bpy.types.Scene, result: CoregistrationResult) -> None:
@@ -85,13 +93,14 @@ def test_before_and_after_are_two_cameras(blender: bpy.types.Scene, result: Core
 
 def test_a_dense_cloud_is_no_scan(blender: bpy.types.Scene) -> None:
     settings = blender.bim_verify
-    for path, dense in (("/there/project.json", False), ("/there/dense.ply", True)):
+    for path, dense, stations in (("/there/project.json", False, 48), ("/there/dense.ply", True, 1)):
         entry = settings.scans.add()
-        entry.path, entry.name, entry.dense = path, Path(path).name, dense
+        entry.path, entry.name, entry.dense, entry.stations = path, Path(path).name, dense, stations
     assert project.scan_paths(settings) == [str(Path("/there/project.json"))]
     assert project.options(settings).dense == (str(Path("/there/dense.ply")),)
-    settings.scans[0].use = False
     step = next(c.step for c in CAPABILITIES if c.name == "scans")
+    assert step.state(blender).text.endswith("48 stations")
+    settings.scans[0].use = False
     assert not step.state(blender).done and "Dense" in step.state(blender).text
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import bpy
 import pytest
@@ -73,6 +75,19 @@ def test_every_setting_has_a_tooltip(blender: bpy.types.Scene) -> None:
     kind = blender.bim_verify.bl_rna
     for name in (*shown, "display_points", "display_vertices", "deviation_range_mm", "show_legend"):
         assert kind.properties[name].description, name
+
+
+def test_no_key_of_ours_is_also_a_property_group(blender: bpy.types.Scene) -> None:
+    """Before 5.0 Blender keeps both in one place: whichever is written later takes the other away."""
+    keys: set[str] = set()
+    for path in Path(panels.__file__).parent.parent.rglob("*.py"):
+        for found in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(found, ast.Assign) and "_KEY" in ast.unparse(found.targets[0]):
+                keys |= {n.value for n in ast.walk(found.value) if isinstance(n, ast.Constant) and isinstance(n.value, str)}
+    assert len(keys) > 10
+    groups = {name for name in dir(bpy.types.Object) if name.startswith("bim_verify")}
+    assert groups >= {"bim_verify", "bim_verify_facade", "bim_verify_plan"}
+    assert not keys & groups
 
 
 def test_panels_share_one_tab() -> None:

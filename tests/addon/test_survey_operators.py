@@ -10,8 +10,11 @@ bpy = pytest.importorskip("bpy")
 
 import numpy as np  # noqa: E402
 
-from bim_verify.bim_verify_addon import scene, survey_scene  # noqa: E402
+from bim_verify.bim_verify_addon import forecast_scene, overlay, scene, survey_scene  # noqa: E402
+from bim_verify.bim_verify_addon.capabilities import MODES  # noqa: E402
+from bim_verify.bim_verify_addon.text import percent  # noqa: E402
 from bim_verify.core.quality import prediction  # noqa: E402
+from bim_verify.core.report import palette  # noqa: E402
 from bim_verify.core.scans.open import open_scans  # noqa: E402
 from bim_verify.core.simulation.return_truth import MIXED, OWNER, TRUE_RANGE, read_truth  # noqa: E402
 from bim_verify.core.simulation.scanner import PRESETS, Scanner  # noqa: E402
@@ -30,12 +33,49 @@ def stations(target: bpy.types.Scene, planned: bool) -> list[bpy.types.Object]:
     return [i for i in target.objects if survey_scene.STATION_KEY in i and bool(i["planned"]) == planned]
 
 
+def forecast_is_shown(target: bpy.types.Scene) -> None:
+    """Every element has the colour of what the plan is expected to give, and its numbers."""
+    assert target.bim_verify.color_mode == forecast_scene.MODE
+    items = list(scene.element_objects(target).values())
+    kinds = {item.bim_verify_plan.kind for item in items}
+    assert forecast_scene.REACHED in kinds and kinds <= {category.identifier for category in MODES["FORECAST"].categories}
+    shown = dict(overlay.legend(target).swatches)
+    for category in MODES["FORECAST"].categories:
+        count = sum(item.bim_verify_plan.kind == category.identifier for item in items)
+        assert shown[f"{category.label}  {count}"] == category.color
+    for item in items:
+        color = np.empty(4 * len(item.data.vertices), np.float32)
+        item.data.attributes["bv_color"].data.foreach_get("color", color)
+        wanted = next(c.color for c in MODES["FORECAST"].categories if c.identifier == item.bim_verify_plan.kind)
+        assert np.allclose(color.reshape(-1, 4)[:, :3], palette.to_linear(wanted), atol=0.01)
+    item = next(i for i in items if i.bim_verify_plan.kind == forecast_scene.REACHED)
+    bpy.context.view_layer.objects.active = item
+    text = "\n".join(overlay.numbers(bpy.context))
+    assert f"LOA10 with set-up {item.bim_verify_plan.set_up}" in text
+    assert f"Measured, expected: {percent(item.bim_verify_plan.coverage)}" in text
+    assert item.bim_verify_plan.coverage > item.bim_verify_plan.target * 0.999
+    target.bim_verify.color_mode = "PLANNED"
+    assert overlay.legend(target).ramp is not None
+
+
+def test_another_model_takes_the_forecast_away(blender: bpy.types.Scene, house: Path, tmp_path: Path) -> None:
+    bpy.ops.bim_verify.import_ifc(filepath=str(house))
+    bpy.ops.bim_verify.plan(loa="10", scanner="fast", coverage=0.5)
+    assert blender.bim_verify.has_findings
+    (tmp_path / "other.ifc").write_bytes(house.read_bytes() + b"\n")
+    bpy.ops.bim_verify.import_ifc(filepath=str(tmp_path / "other.ifc"))
+    assert not blender.bim_verify.has_findings
+    forecasts = [item.bim_verify_plan for item in scene.element_objects(blender).values()]
+    assert forecasts and not any(forecast.plan_loa or forecast.kind for forecast in forecasts)
+
+
 def test_from_a_plan_to_a_simulated_scan_to_its_quality(blender: bpy.types.Scene, house: Path, tmp_path: Path) -> None:
     blender.bim_verify.model_path = str(house)
     assert bpy.ops.bim_verify.plan(loa="10", scanner="fast", coverage=0.5) == {"FINISHED"}
     planned = stations(blender, True)
     assert planned and all(len(i.data.vertices) > 10 for i in planned)
     assert f"{len(planned)} set-up" in blender[survey_scene.SUMMARY_KEY]
+    forecast_is_shown(blender)
 
     out = tmp_path / "scene.e57"
     assert bpy.ops.bim_verify.simulate(filepath=str(out), scanner="fast") == {"FINISHED"}
