@@ -31,6 +31,8 @@ ENOUGH_TO_FIND = 500_000
 """Returns of an epoch in which the wall is looked for."""
 ENOUGH_SPACING_M = 0.008
 """Of the points in which panels and joints are found: joints are 1 to 3 cm wide, denser points tell nothing more."""
+NEAR_M = 10.0
+"""A wall farther from the point that was named is not the one that was meant."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,18 +73,19 @@ def displacement(
             read_epoch(s, origin, options.memory_gb, progress.part(0.25 * k, 0.25 * (k + 1))) for k, s in enumerate(sources)
         ]
         watch.lap("reading")
-        result = _displacement(epochs, origin, options, progress.part(0.5, 1.0), watch)
+        within = NEAR_M if element is None else np.inf
+        result = _displacement(epochs, origin, options, within, progress.part(0.5, 1.0), watch)
         if element is not None and box is not None:
             check_is_element(result, box, element[1])
         return result
 
 
 def _displacement(
-    epochs: list[Epoch], origin: Array, options: DisplacementOptions, progress: Progress, watch: Stopwatch
+    epochs: list[Epoch], origin: Array, options: DisplacementOptions, within: float, progress: Progress, watch: Stopwatch
 ) -> DisplacementResult:
     progress.update(0.0, "Looking for the wall")
     samples = [e.take(spread_rows(len(e.points), ENOUGH_TO_FIND)) for e in epochs]
-    wall = find_wall(samples[0], None if options.near is None else np.array(options.near) - origin)
+    wall = find_wall(samples[0], None if options.near is None else np.array(options.near) - origin, within)
     parts, spacing, thinned = [], [], []
     for epoch, sample in zip(epochs, samples, strict=True):
         found = on_wall(sample, wall)

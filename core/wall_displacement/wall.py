@@ -65,8 +65,8 @@ class Wall:
         return float(np.isfinite(self.surface).sum() * CELL_M**2)
 
 
-def find_wall(epoch: Epoch, near: Array | None = None) -> Wall:
-    """The largest upright surface, or the one nearest to ``near`` (3,) [m, local frame].
+def find_wall(epoch: Epoch, near: Array | None = None, within: float = np.inf) -> Wall:
+    """The largest upright surface, or the one nearest to ``near`` (3,) [m, local frame] and no farther than ``within`` [m].
 
     Raises BimVerifyError where there is none.
     """
@@ -85,6 +85,11 @@ def find_wall(epoch: Epoch, near: Array | None = None) -> Wall:
         large = np.flatnonzero(sizes * VOXEL_M**2 >= SMALLEST_WALL_M2)
         away = [np.linalg.norm(voxel[upright][patch == k] - near, axis=1).min() for k in large]
         chosen = int(large[int(np.argmin(away))])
+        if min(away) > within:
+            raise BimVerifyError(
+                f"The upright surface nearest to the point that was named is {min(away):.0f} m from it; name a point on the "
+                "wall, in metres in the scans' frame."
+            )
     return _framed(epoch, voxel[upright][patch == chosen])
 
 

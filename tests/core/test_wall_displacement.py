@@ -363,6 +363,16 @@ def test_a_wall_that_is_not_the_element_is_refused_and_nothing_written(
     assert not ifc.exists()
 
 
+def test_a_point_far_from_every_wall_is_refused(
+    files: tuple[list[str], str, str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "d.csv"
+    assert main(["displacement", *files[0], "--out", str(out), "--near=200,0,1", "--quiet"]) == 1
+    (said,) = capsys.readouterr().err.strip().splitlines()
+    assert " m from it" in said
+    assert not out.exists()
+
+
 def test_a_scan_without_a_wall_is_refused_in_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "few.xyz"
     np.savetxt(path, np.random.default_rng(0).random((50, 3)))
