@@ -97,7 +97,8 @@ def flatness(
         height = np.bincount(flat, off, shape[0] * shape[1]).reshape(shape) / count
         square = np.bincount(flat, off**2, shape[0] * shape[1]).reshape(shape) / count
     enough = count >= 5
-    within = float(np.sqrt(np.median((square - height**2)[enough]))) if enough.any() else 0.0
+    inner = np.maximum(square - height**2, 0.0)[enough]
+    within = float(np.sqrt((inner * count[enough]).sum() / (count[enough] - 1).sum())) if enough.any() else 0.0
     out = []
     for distance, limit in FLATNESS_LIMITS_MM[kind]:
         step = round(distance / cell / 2)

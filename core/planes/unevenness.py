@@ -72,7 +72,8 @@ def _explored(cells: _Cells, variances: Array, lengths: Array) -> Array:
     """(L, V) twice the negative restricted log-likelihood of smooth variances [m2] and correlation lengths [m]."""
     noise = np.diag(cells.within / cells.count)
     place = cells.number * cells.size
-    design = np.column_stack([np.ones(len(place)), place - place.mean(axis=0)])
+    wide = np.ptp(place, axis=0) > 0  # one row of cells cannot tell a turn about itself
+    design = np.column_stack([np.ones(len(place)), (place - place.mean(axis=0))[:, wide]])
     out = np.empty((len(lengths), len(variances)))
     for row, length in enumerate(lengths):
         correlation = cells.correlation(float(length))
@@ -85,11 +86,11 @@ def _likely(cells: _Cells) -> tuple[Array, Array, Array]:
     unit = float((cells.within / cells.count).mean())
     extent = float(np.linalg.norm(np.ptp(cells.number, axis=0) * cells.size))
     variances, lengths = RATIOS * unit, extent * LENGTHS
-    length, variance = np.unravel_index(np.argmin(_explored(cells, variances, lengths)), (len(lengths), len(variances)))
-    if variances[variance] <= 0:
-        return np.zeros(1), lengths[length : length + 1], np.ones((1, 1))
-    variances, lengths = variances[variance] * NEAR, lengths[length] * NEAR
     value = _explored(cells, variances, lengths)
+    length, variance = np.unravel_index(np.argmin(value), value.shape)
+    if variances[variance] > 0:
+        variances, lengths = variances[variance] * NEAR, lengths[length] * NEAR
+        value = _explored(cells, variances, lengths)
     weight = np.exp(-0.5 * (value - value.min()))
     return variances, lengths, weight / weight.sum()
 

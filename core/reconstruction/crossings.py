@@ -17,8 +17,6 @@ BAND_M = 0.012
 GRAZING_COS = 0.08
 HIDDEN_M = 6.0
 """A return this far before a face still hides it."""
-PROUD_SIGMAS = 3.0
-LEAST_PROUD_M = 0.003
 CHUNK = 65_536
 
 
@@ -39,12 +37,6 @@ class Crossings:
     def on_face(self, band: float) -> NDArray[np.bool_]:
         """(N,) the return lies on the face."""
         return np.abs(self.depth) <= band
-
-    def proud(self, band: float) -> float:
-        """How far before the face a return may lie [m]: as the returns on it scatter. A leaf that stands open begins there."""
-        on = self.depth[self.on_face(band)]
-        scatter = PROUD_SIGMAS * 1.4826 * float(np.median(np.abs(on))) if len(on) else band
-        return min(max(scatter, LEAST_PROUD_M), band)
 
     def __len__(self) -> int:
         return len(self.u)

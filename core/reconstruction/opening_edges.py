@@ -63,8 +63,7 @@ def gathered(sides: list[Crossings], band: float) -> Returns:
     u, z, depth, end_u, end_z = (
         np.concatenate([getattr(s, name) for s in sides]) for name in ("u", "z", "depth", "end_u", "end_z")
     )
-    on = np.concatenate([(s.depth >= -s.proud(band)) & (s.depth <= band) for s in sides])
-    return Returns(u, z, on, depth > band, end_u, end_z, depth)
+    return Returns(u, z, np.abs(depth) <= band, depth > band, end_u, end_z, depth)
 
 
 def bracket(holes: Flags, solid: Flags, end: int, sign: int, most_jump: int, pier: int) -> tuple[int, int]:

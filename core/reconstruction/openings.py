@@ -119,16 +119,13 @@ def _side_state(c: Crossings, u0: float, z0: float, cell: float, shape: tuple[in
     flat = iu * shape[1] + iz
     size = shape[0] * shape[1]
     counts = {}
-    proud, own = c.depth < -c.proud(band), np.abs(c.depth) <= band
-    for name, chosen in (
-        ("on", own & ~proud), ("behind", c.depth > band), ("front", c.depth < -band), ("proud", own & proud)
-    ):
+    for name, chosen in (("on", c.on_face(band)), ("behind", c.depth > band), ("front", c.depth < -band)):
         counts[name] = np.bincount(flat[chosen], minlength=size).reshape(shape).astype(np.float64)
     near = {k: uniform_filter(v, 3, mode="constant") * 9 for k, v in counts.items()}
     state = np.full(shape, VOID, dtype=np.int8)
-    state[near["front"] + near["proud"] > 0.5] = HIDDEN
+    state[(near["front"] > 0.5)] = HIDDEN
     for source in (near, counts):
-        known = (source["on"] + source["behind"] > 0.5) & (source["on"] + source["behind"] >= source["proud"])
+        known = source["on"] + source["behind"] > 0.5
         state[known & (source["behind"] > source["on"])] = OPEN
         state[known & (source["behind"] <= source["on"])] = SOLID
     return state

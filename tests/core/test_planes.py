@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from bim_verify.core.planes.conformity import flatness
 from bim_verify.core.planes.derived import angle_between, distance_between, intersect_three
 from bim_verify.core.planes.fit import Plane, fit_plane
 from bim_verify.core.planes.noise import PointNoise
+from bim_verify.core.planes.unevenness import with_unevenness
 
 NOISE = PointNoise(0.004, 0.0001, 1e-4)
 STATION = np.array([2.0, 1.5, 1.6])
@@ -51,3 +54,47 @@ def test_exact_points_give_the_exact_plane() -> None:
     plane = fit_plane(points, np.broadcast_to(STATION, points.shape), NOISE).facing(STATION)
     assert np.abs(plane.normal - [0.0, 0.0, 1.0]).max() < 1e-12
     assert abs(float(plane.distance(np.array([1.0, 1.0, 1.25]))[0]) - 0.25) < 1e-12
+
+
+def wall(rng: np.random.Generator, width: float, height: float, count: int) -> np.ndarray:
+    return np.column_stack([rng.uniform(0, width, count), np.zeros(count), rng.uniform(0, height, count)])
+
+
+@pytest.mark.parametrize(("width", "height"), [(10.0, 0.12), (20.0, 0.3), (5.0, 2.5)])
+def test_long_narrow_faces_have_an_unevenness_too(width: float, height: float) -> None:
+    """All cells of a skirting lie in one row."""
+    rng = np.random.default_rng(1)
+    points = wall(rng, width, height, 3000)
+    points[:, 1] += rng.normal(0.0, 0.002, 3000) + 0.003 * np.sin(7.0 * points[:, 0])
+    plane = fit_plane(points, np.array([width / 2, -3.0, 1.0]), PointNoise(0.002, 0.0, 0.0))
+    found, uneven = with_unevenness(plane, points)
+    assert uneven is not None and 0.001 < uneven.sigma < 0.01
+    assert np.all(np.diag(found.covariance)[:2] > np.diag(plane.covariance)[:2])
+
+
+def test_intervals_hold_on_uneven_surfaces() -> None:
+    rng = np.random.default_rng(2)
+    points, noise = wall(rng, 4.0, 2.6, 1200), PointNoise(0.002, 0.0, 0.0)
+    cell = np.round(points[:, [0, 2]] / 0.12).astype(int)
+    used, index = np.unique(cell, axis=0, return_inverse=True)
+    apart = 0.12 * np.linalg.norm(used[:, None] - used[None], axis=2)
+    root = np.linalg.cholesky(np.exp(-apart / 0.5) + 1e-9 * np.eye(len(used)))
+    normalized = []
+    for _ in range(25):
+        seen = points.copy()
+        seen[:, 1] += rng.normal(0.0, 0.002, len(seen)) + 0.002 * (root @ rng.standard_normal(len(used)))[index.ravel()]
+        plane, _ = with_unevenness(fit_plane(seen, np.array([2.0, -3.0, 1.3]), noise), seen)
+        for place in ([0.0, 0.0, 0.0], [2.0, 0.0, 1.3], [4.0, 0.0, 2.6]):
+            normalized.append(float(plane.distance(np.array(place))[0] / plane.sigma_at(np.array(place))[0]))
+    assert 0.6 < np.sqrt(np.mean(np.square(normalized))) < 1.25
+
+
+def test_noise_is_not_taken_for_unevenness() -> None:
+    rng = np.random.default_rng(3)
+    small = []
+    for _ in range(30):
+        points = wall(rng, 4.5, 2.5, 7000)
+        points[:, 1] += rng.normal(0.0, 0.002, len(points))
+        plane = fit_plane(points[::5], np.array([2.0, -3.0, 1.2]), PointNoise(0.002, 0.0, 0.0))
+        small += [t.p_value < 0.05 for t in flatness(plane, points)]
+    assert np.mean(small) < 0.1
