@@ -16,6 +16,8 @@ FILLED_SHARE = 0.4
 RIM_BIN_M = 0.04
 LEAST_REVEAL_RETURNS = 30
 REVEAL_BIN_M = 0.01
+FRAME_STEP_M = 0.02
+"""A frame's face lies this close to the end of a reveal that it hides the rest of."""
 DENSE_BINS = 2
 """Where returns follow each other this closely at the end of a reveal, its end is the last of them."""
 LEAST_COLUMN = 3
@@ -62,7 +64,19 @@ def reveal_depth(c: Crossings, box: Box, band: float) -> tuple[Span | None, floa
         cells = np.unique(np.floor(c.end_u[inner] / 0.05) * 10007 + np.floor(c.end_z[inner] / 0.05))
         if bins[max(best - 1, 0) : best + 2].sum() > 0.5 * inner.sum() and len(cells) * 0.0025 > 0.4 * width * height:
             leaf = float(np.median(c.depth[inner & (np.abs(c.depth - (best + 0.5) * 0.01) < 0.02)]))
-    return _end_of(reveals, leaf), leaf
+    span = _end_of(reveals, leaf)
+    if leaf is None and span is not None:
+        leaf = _frame_depth(c, box, upright | level, span)
+    return span, leaf
+
+
+def _frame_depth(c: Crossings, box: Box, inside: NDArray[np.bool_], span: Span) -> float | None:
+    """How deep a frame stands that ends a reveal: it is seen no farther, even if the frame's pane sends nothing back."""
+    u0, u1, _, z1 = box
+    gap = np.minimum(np.minimum(c.end_u - u0, u1 - c.end_u), z1 - c.end_z)
+    here = inside & (gap > RIM_M[0]) & (gap < RIM_M[1])
+    here &= (c.depth > span[0] - FRAME_STEP_M) & (c.depth < span[1] + FRAME_STEP_M)
+    return float(np.median(c.depth[here])) if here.sum() >= LEAST_REVEAL_RETURNS else None
 
 
 def _end_of(reveals: list[NDArray[np.float64]], leaf: float | None) -> Span | None:

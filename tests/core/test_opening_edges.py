@@ -18,7 +18,7 @@ from bim_verify.core.reconstruction.opening_fill import reveal_depth
 from bim_verify.core.reconstruction.openings import Opening, face_raster, find_openings
 from bim_verify.core.reconstruction.report import write_reconstruction_report
 from bim_verify.core.reconstruction.summary import reconstruction_to_json
-from bim_verify.core.reconstruction.thickness import Hint, settle
+from bim_verify.core.reconstruction.thickness import Hint, hint, settle
 from bim_verify.core.reconstruction.walls import WallLine
 
 BAND = 0.012
@@ -83,6 +83,24 @@ def test_a_reveal_ends_between_the_last_column_of_returns_and_where_the_next_wou
     assert span is not None and leaf == pytest.approx(0.12, abs=0.001)
     assert span == pytest.approx(end, abs=0.011)
     assert span[0] <= max(columns) + 0.002
+
+
+@pytest.mark.parametrize("framed", [True, False])
+def test_a_reveal_that_ends_at_a_frame_without_a_pane_is_no_thickness(framed: bool) -> None:
+    rng = np.random.default_rng(8)
+    count = 400
+    depth, z = rng.uniform(0.013, 0.07, count), rng.uniform(0.95, 2.05, count)
+    frame_u, frame_z = rng.uniform(1.0, 1.06, count), rng.uniform(0.95, 2.05, count)
+    seen = slice(0, count if framed else 0)
+    end_u, end_z = np.concatenate([np.full(count, 1.001), frame_u[seen]]), np.concatenate([z, frame_z[seen]])
+    deep = np.concatenate([depth, np.full(count, 0.07)[seen]])
+    side = Crossings(end_u + 0.05, end_z, deep, end_u, end_z, np.arange(len(deep)))
+    box = (1.0, 2.2, 0.9, 2.1)
+    window = Opening(*box, "window", framed, 1.0)
+    found = hint(side, [window], BAND)
+    assert (found.reveal is None) == framed
+    assert found.at_least == pytest.approx(0.07, abs=0.005)
+    assert found.leaf == (pytest.approx(0.07, abs=0.005) if framed else None)
 
 
 def test_outer_walls_are_as_thick_as_all_their_reveals_allow() -> None:
