@@ -15,7 +15,7 @@ from ..scans.store import in_sector
 from .bricks import BrickTable
 from .free_space import BETWEEN, PASSED, SURFACE, label_voxels
 from .grid import BITS, CELLS, VoxelGrid
-from .station_rays import station_rays
+from .station_rays import PATCH_REACH, station_rays
 from .votes import Occupied, Votes
 
 UNSEEN, EMPTY, NEAR, OCCUPIED = 0, 1, 2, 3
@@ -53,7 +53,7 @@ def free_space(
 ) -> NDArray[np.uint8]:
     """(B, 512) what the rays of all stations say of the ``asked`` (B, 512) voxels of the table's bricks."""
     labels = np.zeros((len(table), CELLS), np.uint8)
-    for station, index, sector in stations.visit(sensor, progress):
+    for station, index, sector in stations.visit(sensor, progress, PATCH_REACH):
         rays = station_rays(index, stations.count(station), grid.edge, owned(index.returns, sector))
         label_voxels(table.keys, asked, stations.position[station], grid.anchor, grid.edge, rays, labels, sector)
     return labels

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numba
@@ -137,8 +138,13 @@ def test_spread_work_comes_once_and_evenly(total: int) -> None:
         assert abs(parts[: total // 2].mean() - total / 2) < 0.05 * total
 
 
-def observed(memory_gb: float, order: np.ndarray | None = None, swap: bool = False) -> np.ndarray:
+def observed(
+    memory_gb: float, order: np.ndarray | None = None, swap: bool = False,
+    seen: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> np.ndarray:
     returns = [room(40_000), room(40_000, SECOND, 5)]
+    if seen is not None:
+        returns = [r[seen(r)] for r in returns]
     if order is not None:
         returns = [r[order] for r in returns]
     stations = (Station("a", STATION), Station("b", SECOND))
@@ -170,6 +176,18 @@ def test_result_does_not_depend_on_tiles() -> None:
     whole = observed(1.0)
     for memory_gb in (0.002, 0.00075):  # 2 and 4 tiles of each station
         assert (whole == observed(memory_gb)).all()
+
+
+@pytest.mark.parametrize("seen", [
+    lambda r: r[:, 2] < 0, lambda r: (r[:, 0] > 0) & (np.abs(r[:, 2]) < 0.6 * r[:, 0]),
+], ids=["half a sphere", "a sector"])
+def test_result_does_not_depend_on_tiles_where_only_a_part_of_the_view_is_scanned(
+    seen: Callable[[np.ndarray], np.ndarray],
+) -> None:
+    """The returns then lie closer together than so many all around would: bins are wider, in spacings."""
+    whole = observed(1.0, seen=seen)
+    for memory_gb in (0.0004, 0.00012):
+        assert (whole == observed(memory_gb, seen=seen)).all()
 
 
 def test_returns_in_a_file_are_sorted_once_and_stay_the_same() -> None:
