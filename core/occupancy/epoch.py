@@ -23,10 +23,14 @@ UNSEEN, EMPTY, NEAR, OCCUPIED = 0, 1, 2, 3
 
 
 def occupied_voxels(
-    stations: StationIndexes, grid: VoxelGrid, least: int, sensor: SensorModel, progress: Progress
+    stations: StationIndexes, grid: VoxelGrid, least: int, sensor: SensorModel, progress: Progress,
+    within: NDArray[np.float64] | None = None,
 ) -> Occupied:
-    """The voxels that at least ``least`` returns of an epoch lie in (fewer where the scan is sparse, see ``Votes``)."""
-    votes = Votes(grid, least)
+    """The voxels that at least ``least`` returns of an epoch lie in (fewer where the scan is sparse, see ``Votes``).
+
+    within : (2, 3) box outside of which nothing is asked [m, local frame].
+    """
+    votes = Votes(grid, least, within)
     for station, index, sector in stations.visit(sensor, progress):
         votes.add(index.returns, stations.position[station], index.spacing_rad, owned(index.returns, sector))
     return votes.occupied()

@@ -116,6 +116,19 @@ def test_half_of_the_returns_that_a_sparse_surface_sends_are_enough(least: int, 
     assert many.occupied().count == 1 and many.occupied().sparse == 0
 
 
+def test_returns_outside_of_what_is_asked_have_no_vote() -> None:
+    near, far = room(20_000), np.tile(np.float32([30.0, 4.0, 1.0]), (50, 1))
+    within = np.array([[-1.0] * 3, SIZE + 1.0])
+    asked, everything = Votes(GRID, 3, within), Votes(GRID, 3)
+    alone = Votes(GRID, 3)
+    alone.add(near, STATION, 0.02)
+    for votes in (asked, everything):
+        votes.add(np.concatenate([near, far]), STATION, 0.02)
+    assert (asked.occupied().table.keys == alone.occupied().table.keys).all()
+    assert (asked.occupied().cells == alone.occupied().cells).all()
+    assert everything.occupied().count == alone.occupied().count + 1
+
+
 def test_room_for_bricks_grows_as_they_come() -> None:
     wide = np.random.default_rng(2).uniform(-30.0, 30.0, (150_000, 3)).astype(np.float32)
     votes = Votes(GRID, 1)
