@@ -15,7 +15,7 @@ from ..scans.store import ReturnStore, in_sector
 from .dense_points import DensePoints
 from .gather import CUT, LEAST_RANGE_M, SensorModel, gather
 from .sightings import PhotoStation, Sightings, sight
-from .station_index import StationIndex, build_index, median_spacing, neighbour_angles
+from .station_index import StationIndex, build_index, median_spacing, neighbour_angles, sorting_spacing
 
 
 @dataclass(frozen=True)
@@ -60,21 +60,25 @@ class StationIndexes:
         return self._store.count(station)
 
     def visit(
-        self, sensor: SensorModel, progress: Progress
+        self, sensor: SensorModel, progress: Progress, reach: float = 0.0
     ) -> Iterator[tuple[int, StationIndex, NDArray[np.float64] | None]]:
-        """Yield (station, index, sector) for every tile; sector (2,) is the azimuth range it owns, None for all."""
+        """Yield (station, index, sector) for every tile; sector (2,) is the azimuth range it owns, None for all.
+
+        A tile has the returns around it that the sensor model asks for, and those within ``reach`` spacings by which the
+        whole station would be sorted.
+        """
         total = max(sum(self._store.count(s) for s in range(len(self.position))), 1)
         done = 0
         for station in range(len(self.position)):
             count = self._store.count(station)
             if count:
                 progress.update(done / total, f"Station {station + 1} of {len(self.position)}")
-                yield from self._tiles(station, sensor)
+                yield from self._tiles(station, sensor, reach)
             done += count
         progress.update(1.0, "All stations done")
 
     def _tiles(
-        self, station: int, sensor: SensorModel
+        self, station: int, sensor: SensorModel, reach: float
     ) -> Iterator[tuple[int, StationIndex, NDArray[np.float64] | None]]:
         if station in self._kept:
             yield station, self._kept[station], None
@@ -85,13 +89,14 @@ class StationIndexes:
         if station in self._sorted:
             yield station, replace(self._sorted[station], returns=self._store.whole(station)), None
             return
-        for tile in self._store.tiles(station, self._margin(station, sensor)):
+        for tile in self._store.tiles(station, self._margin(station, sensor, reach)):
             sector = np.array([tile.first, tile.last])
             whole = tile.last - tile.first >= 2 * np.pi
             yield station, build_index(tile.offsets, self.spacing[station], tile.photo), None if whole else sector
 
-    def _margin(self, station: int, sensor: SensorModel) -> float:
-        widest = CUT * self.spacing[station]
+    def _margin(self, station: int, sensor: SensorModel, reach: float) -> float:
+        sorting = sorting_spacing(self.spacing[station], self._store.count(station))
+        widest = max(CUT * self.spacing[station], reach * sorting)
         if sensor.fixed is not None:
             widest = max(widest, CUT * math.sqrt(math.log(2.0) / sensor.fixed.kappa) / LEAST_RANGE_M)
         return 1.2 * math.asin(min(widest, 1.0))

@@ -211,6 +211,12 @@ def _build(offsets: NDArray[np.float32], spacing_rad: float, photo: NDArray[np.f
     return StationIndex(returns, start, row_start, spacing_rad, photo)
 
 
+def sorting_spacing(spacing_rad: float, returns: int) -> float:
+    """The spacing [rad] by which a station is sorted: that of evenly spread ``returns`` if it is about the measured one."""
+    even = math.sqrt(4.0 * math.pi / max(returns, 1))
+    return even if 0.5 < spacing_rad / even < 2.0 else spacing_rad
+
+
 def bin_layout(spacing_rad: float, returns: int) -> NDArray[np.int64]:
     """(R + 1,) number of each row's first bin, and of all bins, for so many ``returns``: bins of about two by two spacings."""
     most_rows = max(FEWEST_ROWS, int(math.sqrt(0.8 * returns)))  # no more bins than returns

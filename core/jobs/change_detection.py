@@ -47,6 +47,8 @@ from ..sensing.loa import label, supported_level, worst_voxel_shift
 from .inputs import Stopwatch, limited_threads, open_campaign, open_model
 
 Scans = ScanSource | Sequence[str | Path]
+BESIDE_M = 5.0
+"""What is new is looked for in the box around the model, this much larger on all sides."""
 
 
 def change(
@@ -94,7 +96,8 @@ def change(
                 registration_sigma=options.registration_sigma, progress=part.part(0.3, 0.9), parts=parts,
             )
             occupied = occupied_voxels(
-                stations, grid, options.min_points, sensor_model(options.sigma), part.part(0.9, 1.0)
+                stations, grid, options.min_points, sensor_model(options.sigma), part.part(0.9, 1.0),
+                model.bounds + np.array([[-BESIDE_M], [BESIDE_M]]),
             )
             views.append(_View(name, source, store, stations, sight, occupied))
         watch.lap("looking at elements")

@@ -15,7 +15,7 @@ from ..scans.store import in_sector
 from .bricks import BrickTable
 from .free_space import BETWEEN, PASSED, SURFACE, label_voxels
 from .grid import BITS, CELLS, VoxelGrid
-from .station_rays import station_rays
+from .station_rays import PATCH_REACH, station_rays
 from .votes import Occupied, Votes
 
 UNSEEN, EMPTY, NEAR, OCCUPIED = 0, 1, 2, 3
@@ -23,10 +23,14 @@ UNSEEN, EMPTY, NEAR, OCCUPIED = 0, 1, 2, 3
 
 
 def occupied_voxels(
-    stations: StationIndexes, grid: VoxelGrid, least: int, sensor: SensorModel, progress: Progress
+    stations: StationIndexes, grid: VoxelGrid, least: int, sensor: SensorModel, progress: Progress,
+    within: NDArray[np.float64] | None = None,
 ) -> Occupied:
-    """The voxels that at least ``least`` returns of an epoch lie in (fewer where the scan is sparse, see ``Votes``)."""
-    votes = Votes(grid, least)
+    """The voxels that at least ``least`` returns of an epoch lie in (fewer where the scan is sparse, see ``Votes``).
+
+    within : (2, 3) box outside of which nothing is asked [m, local frame].
+    """
+    votes = Votes(grid, least, within)
     for station, index, sector in stations.visit(sensor, progress):
         votes.add(index.returns, stations.position[station], index.spacing_rad, owned(index.returns, sector))
     return votes.occupied()
@@ -53,7 +57,7 @@ def free_space(
 ) -> NDArray[np.uint8]:
     """(B, 512) what the rays of all stations say of the ``asked`` (B, 512) voxels of the table's bricks."""
     labels = np.zeros((len(table), CELLS), np.uint8)
-    for station, index, sector in stations.visit(sensor, progress):
+    for station, index, sector in stations.visit(sensor, progress, PATCH_REACH):
         rays = station_rays(index, stations.count(station), grid.edge, owned(index.returns, sector))
         label_voxels(table.keys, asked, stations.position[station], grid.anchor, grid.edge, rays, labels, sector)
     return labels

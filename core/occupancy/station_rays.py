@@ -13,7 +13,15 @@ import numpy as np
 from numba import get_num_threads, njit, prange
 from numpy.typing import NDArray
 
-from ..evidence.station_index import StationIndex, bin_layout, place, pseudo_azimuth, pseudo_elevation, settle_order
+from ..evidence.station_index import (
+    StationIndex,
+    bin_layout,
+    place,
+    pseudo_azimuth,
+    pseudo_elevation,
+    settle_order,
+    sorting_spacing,
+)
 from ..parallel import spread
 from .surface_fit import ROUND_UP, bins_around, clear_ends, fit_planes, patch_of
 
@@ -23,6 +31,9 @@ COARSE = 4
 """Bins of the coarse level are this many times as wide and as high."""
 PATCH = 2
 """So many by so many bins are a patch: returns are fitted with planes, and most voxels told, patch by patch."""
+PATCH_REACH = 12.0
+"""Spacings by which a station is sorted that a patch and a bin on either side reach at most beyond a return in it: four bins,
+a quarter wider than two spacings where pseudo azimuth is slowest, with room for what rounds."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +51,7 @@ class Bins:
 
         They are those that ``verify`` sorts a whole station into, so that nothing has to be sorted again.
         """
-        even = math.sqrt(4.0 * math.pi / max(returns, 1))
-        if 0.5 < spacing_rad / even < 2.0:
-            spacing_rad = even
-        row_start = bin_layout(spacing_rad, returns)
+        row_start = bin_layout(sorting_spacing(spacing_rad, returns), returns)
         return cls(float(len(row_start) - 1), row_start)
 
     @property

@@ -36,10 +36,10 @@ def _place(
     offsets: NDArray[np.float32], own: NDArray[np.bool_], station: NDArray[np.float64], anchor: NDArray[np.float64],
     edge: float, expected: float, least: int, slot_key: NDArray[np.int64], slot_row: NDArray[np.int32],
     row: NDArray[np.int32], cell: NDArray[np.int16], weight: NDArray[np.int32], new: NDArray[np.int64],
-    news: NDArray[np.int64],
+    news: NDArray[np.int64], bounds: NDArray[np.float64],
 ) -> None:
     """Row of its brick, cell and weight of each return; ``new``, from the beginning of each run on, the keys of the
-    ``news`` bricks that have no row yet.
+    ``news`` bricks that have no row yet. Returns outside of ``bounds`` (2, 3) [m, from the anchor] have none.
 
     Returns sorted by direction come in long runs of one brick.
     """
@@ -53,6 +53,12 @@ def _place(
                 row[n] = OTHERS
                 continue
             x, y, z = place(offsets, n)
+            if not (
+                bounds[0, 0] <= x + sx <= bounds[1, 0] and bounds[0, 1] <= y + sy <= bounds[1, 1]
+                and bounds[0, 2] <= z + sz <= bounds[1, 2]
+            ):
+                row[n] = OTHERS
+                continue
             i, j, k = math.floor((x + sx) * per_metre), math.floor((y + sy) * per_metre), math.floor((z + sz) * per_metre)
             here = brick_key(i, j, k)
             if here != last_key:
@@ -151,12 +157,15 @@ class Votes:
 
     grid: VoxelGrid
     least: int
+    within: NDArray[np.float64] | None = None
+    """(2, 3) returns outside of this box have no vote [m, local frame]: a street seen through a window fills bricks by itself."""
     _keys: NDArray[np.int64] = field(default_factory=lambda: np.empty(FIRST_BRICKS, np.int64))
     _used: int = 0
 
     def __post_init__(self) -> None:
         if not 1 <= self.least <= MOST_MIN_POINTS:
             raise BimVerifyError(f"A voxel can ask for 1 to {MOST_MIN_POINTS} returns, not {self.least}.")
+        self._bounds = np.array([[-np.inf] * 3, [np.inf] * 3]) if self.within is None else self.within - self.grid.anchor
         self._bits = int(self.least).bit_length()
         small = (VOTE * self.least) << self._bits < 1 << 16
         self._tally: NDArray[np.unsignedinteger[Any]] = np.empty((len(self._keys), CELLS), np.uint16 if small else np.uint32)
@@ -190,7 +199,7 @@ class Votes:
         expected = EXPECTED_SHARE * edge * edge / (spacing_rad * spacing_rad)
         _place(
             offsets, own, station, self.grid.anchor, edge, expected, self.least, self._table.slot_key, self._table.slot_row,
-            row, cell, weight, new, news,
+            row, cell, weight, new, news, self._bounds,
         )
         run = 0
         while True:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numba
@@ -115,6 +116,19 @@ def test_half_of_the_returns_that_a_sparse_surface_sends_are_enough(least: int, 
     assert many.occupied().count == 1 and many.occupied().sparse == 0
 
 
+def test_returns_outside_of_what_is_asked_have_no_vote() -> None:
+    near, far = room(20_000), np.tile(np.float32([30.0, 4.0, 1.0]), (50, 1))
+    within = np.array([[-1.0] * 3, SIZE + 1.0])
+    asked, everything = Votes(GRID, 3, within), Votes(GRID, 3)
+    alone = Votes(GRID, 3)
+    alone.add(near, STATION, 0.02)
+    for votes in (asked, everything):
+        votes.add(np.concatenate([near, far]), STATION, 0.02)
+    assert (asked.occupied().table.keys == alone.occupied().table.keys).all()
+    assert (asked.occupied().cells == alone.occupied().cells).all()
+    assert everything.occupied().count == alone.occupied().count + 1
+
+
 def test_room_for_bricks_grows_as_they_come() -> None:
     wide = np.random.default_rng(2).uniform(-30.0, 30.0, (150_000, 3)).astype(np.float32)
     votes = Votes(GRID, 1)
@@ -137,8 +151,13 @@ def test_spread_work_comes_once_and_evenly(total: int) -> None:
         assert abs(parts[: total // 2].mean() - total / 2) < 0.05 * total
 
 
-def observed(memory_gb: float, order: np.ndarray | None = None, swap: bool = False) -> np.ndarray:
+def observed(
+    memory_gb: float, order: np.ndarray | None = None, swap: bool = False,
+    seen: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> np.ndarray:
     returns = [room(40_000), room(40_000, SECOND, 5)]
+    if seen is not None:
+        returns = [r[seen(r)] for r in returns]
     if order is not None:
         returns = [r[order] for r in returns]
     stations = (Station("a", STATION), Station("b", SECOND))
@@ -170,6 +189,18 @@ def test_result_does_not_depend_on_tiles() -> None:
     whole = observed(1.0)
     for memory_gb in (0.002, 0.00075):  # 2 and 4 tiles of each station
         assert (whole == observed(memory_gb)).all()
+
+
+@pytest.mark.parametrize("seen", [
+    lambda r: r[:, 2] < 0, lambda r: (r[:, 0] > 0) & (np.abs(r[:, 2]) < 0.6 * r[:, 0]),
+], ids=["half a sphere", "a sector"])
+def test_result_does_not_depend_on_tiles_where_only_a_part_of_the_view_is_scanned(
+    seen: Callable[[np.ndarray], np.ndarray],
+) -> None:
+    """The returns then lie closer together than so many all around would: bins are wider, in spacings."""
+    whole = observed(1.0, seen=seen)
+    for memory_gb in (0.0004, 0.00012):
+        assert (whole == observed(memory_gb, seen=seen)).all()
 
 
 def test_returns_in_a_file_are_sorted_once_and_stay_the_same() -> None:
