@@ -158,7 +158,7 @@ class Votes:
     grid: VoxelGrid
     least: int
     within: NDArray[np.float64] | None = None
-    """(2, 3) returns outside of this box have no vote [m, local frame]: a street seen through a window fills bricks by itself."""
+    """(2, 3) returns outside of this box have no vote [m, local frame]: a street seen through a window would fill bricks."""
     _keys: NDArray[np.int64] = field(default_factory=lambda: np.empty(FIRST_BRICKS, np.int64))
     _used: int = 0
 
