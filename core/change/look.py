@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
 from ..evidence.collect import StationIndexes
-from ..evidence.decide import Context, Place, enough_seen, standing_shares
+from ..evidence.decide import GLAZED, Context, Place, enough_seen, standing_shares
 from ..evidence.error_model import estimate_errors
 from ..evidence.gather import SensorModel
 from ..evidence.scenery import Scenery, with_glass
@@ -228,6 +228,11 @@ def _found(
     share = there / max(there + beyond, 1e-12)
     at = round(share * place.rays)
     return share >= t.present_share and shows_standing(at, place.rays - at, t.absent_share, tried)
+
+
+def glazed(model: BuildingModel, row: int) -> bool:
+    """Whether rays may pass an element that stands: it has panes, or is of a class that has."""
+    return model.elements[row].ifc_class.startswith(GLAZED) or bool(model.transparent[_triangles(model, row)].any())
 
 
 def _triangles(model: BuildingModel, row: int) -> NDArray[np.int64]:
