@@ -55,6 +55,17 @@ def test_volumes_between_epochs_of_a_wall_that_stood_in_part(then: float, now: f
     assert percent is not None and (percent == 1.0) == (now == 4.0)
 
 
+def test_a_thin_ceiling_of_which_less_than_half_is_gone_stands_in_part() -> None:
+    """Its 20 mm are less than a voxel, so voxels alone do not tell this from edges."""
+    part = {"ceiling": (((2.4, 0.0, 2.7), (6.0, 4.0, 2.72)),)}
+    result = change(house(), [scan(built({}, (), part), seed=7)], None, OPTIONS)
+    found = {e.name: e for e in result.elements}
+    ceiling = found.pop("ceiling")
+    assert ceiling.state == "PARTIAL" and ceiling.agrees is False, ceiling.reason
+    assert ceiling.disappeared_ratio == pytest.approx(0.4, abs=0.06)
+    assert {e.state for e in found.values()} <= {"CONFIRMED", "UNKNOWN"}
+
+
 def sight(seen: Seen, at: float = 10.0, beyond: float = 0.0, shift: tuple[float, float, float] | None = None) -> ElementSight:
     return ElementSight(seen, at, beyond, 10.0, shift, "")
 
