@@ -36,19 +36,30 @@ class Amount:
     """The same, in the reference."""
 
 
-def absent(world: Universe, state: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """(B, 512) planned voxels known not to stand; ``state`` (B, 512) of an epoch against the model."""
-    return (state == DISAPPEARED) & world.planned
+@dataclass(frozen=True)
+class Absent:
+    """Planned voxels that are known not to stand in an epoch."""
+
+    cells: NDArray[np.bool_]
+    """(B, 512)"""
+    deep: NDArray[np.bool_]
+    """(B, 512) of these, in parts at least three voxels thick."""
+
+    @classmethod
+    def of(cls, world: Universe, state: NDArray[np.uint8]) -> Absent:
+        """From the states (B, 512) of the epoch against the model."""
+        cells = (state == DISAPPEARED) & world.planned
+        return cls(cells, deep(world, cells))
 
 
 def amounts(
-    world: Universe, now: NDArray[np.bool_], then: NDArray[np.bool_] | None, epoch: Observation, elements: int
+    world: Universe, now: Absent, then: Absent | None, epoch: Observation, elements: int
 ) -> list[Amount | None]:
-    """One for each element, None where no voxel is planned; ``now`` and ``then`` (B, 512) are ``absent`` in the epochs."""
-
-    was = np.zeros_like(now) if then is None else then
+    """One for each element, None where no voxel is planned; ``then`` of the reference, None without one."""
     count = np.zeros((elements, 32), np.int64)
-    _count(world.element, world.planned, now, deep(world, now), was, deep(world, was), epoch.state == OCCUPIED, count)
+    nothing = np.zeros(now.cells.shape, np.bool_)
+    was, was_deep = (nothing, nothing) if then is None else (then.cells, then.deep)
+    _count(world.element, world.planned, now.cells, now.deep, was, was_deep, epoch.state == OCCUPIED, count)
     code = np.arange(32)
     n, d, t, e, s = ((code >> bit & 1).astype(bool) for bit in range(5))
     planned, gone, left, returned, kept, thick, thick_then, seen_new, seen_kept = (

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import __version__
-from ..change.amounts import Amount, absent, amounts
+from ..change.amounts import Absent, Amount, amounts
 from ..change.closing import close_gone
 from ..change.clusters import find_clusters
 from ..change.decide import element_state, partly_gone, ratios
@@ -135,17 +135,16 @@ def _compare(
     now, before = views[-1], views[0] if has_reference else None
     state = _states(world, seen[-1], seen[0] if has_reference else None)
     day = parse_date(options.date or now.date)
-    free: dict[int, NDArray[np.bool_]] = {}  # of the epochs that are compared: what does not stand
+    first: Absent | None = None
     alone = []
-    for n, (view, epoch) in enumerate(zip(views, seen, strict=True)):
-        gone = absent(world, state if view is now and before is None else _states(world, epoch, None))
+    for view, epoch in zip(views, seen, strict=True):
+        gone = Absent.of(world, state if view is now and before is None else _states(world, epoch, None))
         found = amounts(world, gone, None, epoch, len(model.elements))
         alone.append(_elements(model, solids, found, view.sight, None, plans, day))
-        if view is now or view is before:
-            free[n] = gone
+        first = gone if view is before else first
     elements = planned_now = alone[-1]
     if before is not None:
-        both = amounts(world, free[len(seen) - 1], free[0], seen[-1], len(model.elements))
+        both = amounts(world, gone, first, seen[-1], len(model.elements))
         elements = tuple(
             replace(e, agrees=p.agrees, progress=p.progress)  # these follow what stands now
             for e, p in zip(_elements(model, solids, both, now.sight, before.sight, plans, day), planned_now, strict=True)
@@ -153,7 +152,7 @@ def _compare(
     anything = np.zeros(state.shape, np.bool_)
     for epoch in seen:
         anything |= epoch.state != UNSEEN
-    cloud = voxel_cloud(world, state, anything, free[len(seen) - 1])
+    cloud = voxel_cloud(world, state, anything, gone.cells)
     anchor = solids.grid.anchor + model.origin
     weight = [e.volume or 1e-3 for e in elements]
     records = [
