@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..evidence.decide import GLAZED
 from ..model.elements import BuildingModel
-from .look import ElementSight, Seen
+from .amounts import Amount
+from .look import ElementSight, Seen, glazed
 from .overlap import ABSENT_OVERLAP, overlap
 from .results import State
 
@@ -28,29 +28,27 @@ class Decision:
 
 
 def element_state(
-    model: BuildingModel, row: int, now: ElementSight, before: ElementSight | None, deep_share: float, tolerance: float
+    model: BuildingModel, row: int, now: ElementSight, before: ElementSight | None, amount: Amount, tolerance: float
 ) -> Decision:
-    """Decide one element, against the reference epoch, or the model where that saw nothing or is none.
-
-    ``deep_share``: share of its volume that disappeared in parts at least three voxels thick.
-    """
+    """Decide one element, against the reference epoch, or the model where that saw nothing or is none."""
     if before is None or before.seen == "UNSEEN":
-        found = _against_plan(model, row, now)
-    else:
-        found = _against_epoch(model, row, now, before, tolerance)
-    if found.state == "CONFIRMED" and partly_gone(model, row, deep_share):
-        return Decision("PARTIAL", f"{found.reason} Rays crossed {deep_share:.0%} of its volume: that part is gone.")
-    return found
+        return _against_plan(model, row, now, amount)
+    return _against_epoch(model, row, now, before, amount, tolerance)
 
 
 def partly_gone(model: BuildingModel, row: int, deep_share: float) -> bool:
-    """Whether rays crossed more of an element that stands than models usually leave out."""
-    return deep_share >= LEAST_DEEP_SHARE and not _glazed(model, row)
+    """Whether rays crossed more of an element that stands than models usually leave out.
+
+    ``deep_share``: of its volume, absent in parts at least three voxels thick.
+    """
+    return deep_share >= LEAST_DEEP_SHARE and not glazed(model, row)
 
 
-def _against_plan(model: BuildingModel, row: int, now: ElementSight) -> Decision:
+def _against_plan(model: BuildingModel, row: int, now: ElementSight, amount: Amount) -> Decision:
     if now.seen == "MOVED":
         return _moved(model, row, np.array(now.shift), now.reason)
+    if now.seen == "STANDS" and partly_gone(model, row, amount.deep):
+        return Decision("PARTIAL", f"{now.reason} Rays crossed {amount.deep:.0%} of its volume: that part is gone.")
     states: dict[Seen, State] = {
         "STANDS": "CONFIRMED", "GONE": "DISAPPEARED", "PART": "PARTIAL", "UNSEEN": "UNKNOWN",
     }
@@ -58,19 +56,19 @@ def _against_plan(model: BuildingModel, row: int, now: ElementSight) -> Decision
 
 
 def _against_epoch(
-    model: BuildingModel, row: int, now: ElementSight, before: ElementSight, tolerance: float
+    model: BuildingModel, row: int, now: ElementSight, before: ElementSight, amount: Amount, tolerance: float
 ) -> Decision:
     then = f"In the reference: {before.reason} Now: {now.reason}"
     if now.seen == "UNSEEN":
         return Decision("UNKNOWN", then)
     if before.seen == "GONE":
-        if now.seen == "GONE":
-            return Decision("UNKNOWN", f"Not there in either epoch. {now.reason}")
-        return Decision("PARTIAL" if now.seen == "PART" else "NEW", then)
+        return _after_none(model, row, now, amount, then)
     if now.seen == "GONE":
         return Decision("DISAPPEARED", then)
-    if "PART" in (now.seen, before.seen):
-        return Decision("PARTIAL", then)
+    part_now = _in_part(model, row, now, amount.deep)
+    part_then = _in_part(model, row, before, amount.deep_then)
+    if part_now or part_then:
+        return Decision("PARTIAL", then) if "MOVED" in (now.seen, before.seen) else _parts(amount, part_now, part_then, then)
     change = np.array(now.shift or (0.0, 0.0, 0.0)) - np.array(before.shift or (0.0, 0.0, 0.0))
     left = overlap(model, row, change) <= ABSENT_OVERLAP
     if np.linalg.norm(change) <= tolerance and not (left and now.seen != before.seen):
@@ -80,6 +78,38 @@ def _against_epoch(
     return _moved(model, row, change, then)
 
 
+def _in_part(model: BuildingModel, row: int, sight: ElementSight, deep_share: float) -> bool:
+    return sight.seen == "PART" or (sight.seen == "STANDS" and partly_gone(model, row, deep_share))
+
+
+def _after_none(model: BuildingModel, row: int, now: ElementSight, amount: Amount, then: str) -> Decision:
+    """What stands now of an element that was not there in the reference."""
+    if now.seen == "GONE":
+        return Decision("UNKNOWN", f"Not there in either epoch. {now.reason}")
+    if now.seen == "MOVED":
+        share = overlap(model, row, np.array(now.shift))
+        off = f"{then} It was not at its planned place then, and stands {1000 * now.distance:.0f} mm off it now"
+        if share <= ABSENT_OVERLAP:
+            return Decision("UNKNOWN", f"{off}: that place is free in both epochs.", share)
+        return Decision("PARTIAL", f"{off}; {share:.0%} of it overlaps that place.", share)
+    if _in_part(model, row, now, amount.deep):
+        return Decision("PARTIAL", f"{then} A part of it is new, the rest does not stand yet.")
+    return Decision("NEW", then)
+
+
+def _parts(amount: Amount, part_now: bool, part_then: bool, then: str) -> Decision:
+    """What became of an element that stood in part, or stands in part now."""
+    new = part_then and amount.came >= LEAST_DEEP_SHARE
+    gone = amount.left >= LEAST_DEEP_SHARE or (part_now and not part_then and 2.0 * amount.left >= amount.absent)
+    if new and gone:
+        return Decision("PARTIAL", f"{then} A part that was missing stands now, another one that stood is gone.")
+    if new:
+        return Decision("PARTIAL", f"{then} A part that was missing stands now.")
+    if gone:
+        return Decision("PARTIAL", f"{then} A part that stood is gone.")
+    return Decision("CONFIRMED", f"{then} What stood of it stands now, and nothing was found of what was missing.")
+
+
 def _moved(model: BuildingModel, row: int, shift: NDArray[np.float64], reason: str) -> Decision:
     share = overlap(model, row, shift)
     if share <= ABSENT_OVERLAP:
@@ -87,29 +117,32 @@ def _moved(model: BuildingModel, row: int, shift: NDArray[np.float64], reason: s
     return Decision("PARTIAL", f"{reason} {share:.0%} of it overlaps its place.", share)
 
 
-def _glazed(model: BuildingModel, row: int) -> bool:
-    start = model.triangle_start
-    return model.elements[row].ifc_class.startswith(GLAZED) or bool(
-        model.transparent[start[row] : start[row + 1]].any()
-    )
-
-
 def ratios(
-    found: Decision, counts: NDArray[np.int64], now: ElementSight
+    found: Decision, amount: Amount | None, now: ElementSight, before: ElementSight | None = None
 ) -> tuple[float, float, float, float]:
     """(confirmed, disappeared, new, unknown) shares of an element's volume; they add up to 1.
 
-    ``counts`` (4,) voxels unknown, confirmed, new, disappeared. Beams do not enter solids: of the part that no ray crossed,
-    as much counts as standing as of the element's open surface was found; of a moved element only what overlaps its place does,
-    and the rest of that is gone.
+    Confirmed: stood and stands; disappeared: stood and does not stand; new: stands and did not; unknown: the rest, so also what
+    is absent in both epochs. Beams do not enter solids: of the part that is not known to be absent, as much counts as standing
+    as of the element's open surface was found; of a moved element only what overlaps its place does, and the rest of that is
+    gone. ``before`` None or UNSEEN: the model takes its place. ``amount`` None: no voxel is planned.
     """
-    total = int(counts.sum())
-    gone = counts[3] / total if total else float(found.state == "DISAPPEARED")
-    stands = now.seen not in ("GONE", "UNSEEN") and found.state != "UNKNOWN"
-    built = 0.0
-    if stands and now.exposed > 0:
+    whole = Amount(*(2 * (float(found.state == "DISAPPEARED"),))) if amount is None else amount
+    absent, left, built, new = whole.absent, whole.left, 0.0, 0.0
+    none_then = before is not None and before.seen == "GONE"
+    back = before is not None and before.seen == "MOVED" and now.seen != "MOVED"
+    if none_then:
+        left = 0.0
+    if now.seen not in ("GONE", "UNSEEN") and found.state != "UNKNOWN" and now.exposed > 0:
         at = min(now.at / max(now.exposed - now.beyond - now.silent, 1e-12), 1.0)
-        gone = max(gone, (1.0 - found.overlap) * at)
-        built = min((1.0 - gone) * at, found.overlap)
-    new = built if found.state == "NEW" else 0.0
-    return float(built - new), float(gone), float(new), float(max(1.0 - gone - built, 0.0))
+        freed = 0.0 if back else (1.0 - found.overlap) * at
+        absent = max(absent, freed)
+        left = left if none_then else max(left, freed)
+        built = min((1.0 - absent) * at, 1.0 if back else found.overlap)
+        if found.state == "NEW" or none_then:
+            new = built
+        elif back:
+            new = built * (1.0 - found.overlap)
+        else:
+            new = built * whole.came / max(whole.came + whole.kept, 1e-12)
+    return built - new, left, new, max(1.0 - left - built, 0.0)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
 from ..evidence.collect import StationIndexes
-from ..evidence.decide import Context, Place, enough_seen, standing_shares
+from ..evidence.decide import GLAZED, Context, Place, enough_seen, standing_shares
 from ..evidence.error_model import estimate_errors
 from ..evidence.gather import SensorModel
 from ..evidence.scenery import Scenery, with_glass
@@ -178,20 +178,20 @@ def _sight(
         return sight("UNSEEN", few, where=False)
     shares = standing_shares(model.elements[row].ifc_class, model.transparent[_triangles(model, row)], t)
     at, through, mine = int(own.beams_at[row]), int(own.beams_through[row]), own.share(row)
-    says = verdict(own, row, share, shares, t)
+    says = verdict(own, row, share, shares, t, glazed(model, row))
     if says == "LITTLE":
         little = f"Rays pass through {1 - mine:.0%} of what was in view, but that is only {share:.1%} of its surface."
         return sight("UNSEEN", little, where=False)
     if says == "GONE":
         return sight("GONE", f"Rays pass through {1 - mine:.0%} of the {share:.0%} of its surface in view.", where=False)
+    if says in ("STANDS", "PART") and mine >= shares[1] and length > tolerance:
+        off_place = overlap(model, row, best.fit.vector) <= ABSENT_OVERLAP
+        if off_place and not planned.left(row, best.fit.vector, through).passed:
+            return sight("UNSEEN", _hiding(length), where=False)
+        return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.")
     if says == "PART":
         return sight("PART", f"{mine:.0%} of its surface in view is at its place; rays pass through the rest.")
     if says == "STANDS":
-        if length > tolerance:
-            off_place = overlap(model, row, best.fit.vector) <= ABSENT_OVERLAP
-            if off_place and not planned.left(row, best.fit.vector, through).passed:
-                return sight("UNSEEN", _hiding(length), where=False)
-            return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.")
         return sight("STANDS", f"{mine:.0%} of the {share:.0%} of its surface in view is at its place.")
     if says == "EITHER" and partner >= 0:
         other = model.elements[partner]
@@ -228,6 +228,11 @@ def _found(
     share = there / max(there + beyond, 1e-12)
     at = round(share * place.rays)
     return share >= t.present_share and shows_standing(at, place.rays - at, t.absent_share, tried)
+
+
+def glazed(model: BuildingModel, row: int) -> bool:
+    """Whether rays may pass an element that stands: it has panes, or is of a class that has."""
+    return model.elements[row].ifc_class.startswith(GLAZED) or bool(model.transparent[_triangles(model, row)].any())
 
 
 def _triangles(model: BuildingModel, row: int) -> NDArray[np.int64]:

@@ -23,7 +23,11 @@ PROGRESS: tuple[Progressing, ...] = ("on time", "early", "late", "not built", "s
 
 @dataclass(frozen=True)
 class ElementChange:
-    """What became of one element. Ratios are shares of its planned volume and add up to 1; volumes in m3."""
+    """What became of one element. Ratios are shares of its planned volume and add up to 1; volumes in m3.
+
+    Against a reference: confirmed stood and stands, disappeared stood and does not, new stands and did not; unknown is the
+    rest, so also what stands in neither epoch.
+    """
 
     global_id: str
     ifc_class: str
@@ -38,11 +42,12 @@ class ElementChange:
     """Planned, from its solid."""
     disappeared_volume: float
     built_volume: float
+    """Stands now: confirmed and new."""
     shift: float | None
     """Metres from the planned place (from the reference epoch's, where there is one); None where nothing fixes it."""
     expected: State
     agrees: bool | None
-    """Whether what was seen is what was expected; None when it was not seen."""
+    """Whether what stands now is what was expected; None when it was not seen."""
     progress: Progressing
     reason: str
     moved: bool = False
@@ -121,7 +126,7 @@ class ChangeResult:
     anchor: tuple[float, float, float]
     """Corner of voxel (0, 0, 0), metres, model frame."""
     remaining: tuple[int, ...]
-    """Rows of elements of which a part is gone."""
+    """Rows of elements of which a part does not stand now."""
     method: str
     timings: dict[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()

@@ -14,11 +14,18 @@ Verdict = Literal["STANDS", "GONE", "PART", "LITTLE", "EITHER", "FEW"]
 """It stands, it is gone, part of it stands; rays pass, but too little of it was in view; what was found of it may be another
 element's; too few beams tell of it."""
 
+PART_GONE = 0.25
+"""A part of what stands is gone when beams show that more than this share passes: slender elements that stand let up to a
+fifth pass along their edges."""
 
-def verdict(own: OwnEvidence, row: int, seen_share: float, shares: tuple[float, float], t: Thresholds) -> Verdict:
+
+def verdict(
+    own: OwnEvidence, row: int, seen_share: float, shares: tuple[float, float], t: Thresholds, glazed: bool = False
+) -> Verdict:
     """What the evidence says of element ``row``, of whose open surface ``seen_share`` was in view.
 
-    shares : (absent up to this share of what was seen of it at its place, present from this share on).
+    shares : (absent up to this share of what was seen of it at its place, present from this share on); ``glazed``: rays may
+    pass it though all of it stands.
     """
     absent, present = shares
     at, through, mine = int(own.beams_at[row]), int(own.beams_through[row]), own.share(row)
@@ -31,5 +38,6 @@ def verdict(own: OwnEvidence, row: int, seen_share: float, shares: tuple[float, 
             return "LITTLE"
         return "PART" if found < present * told else "EITHER"  # whosever the shared surface is
     if mine >= present and shows_standing(at, through, absent):
-        return "STANDS"
+        missing = own.beyond[row] >= PART_GONE * told and shows_standing(through, at, PART_GONE)
+        return "PART" if missing and not glazed and seen_share >= t.absent_seen_share else "STANDS"
     return "EITHER" if own.either[row] > own.at[row] else "FEW"

@@ -139,23 +139,6 @@ def _deep(around: NDArray[np.int32], chosen: NDArray[np.bool_], out: NDArray[np.
             out[row, cell] = n >= 21
 
 
-@njit(cache=True, nogil=True)
-def _count(
-    element: NDArray[np.int16], planned: NDArray[np.bool_], state: NDArray[np.uint8], out: NDArray[np.int64]
-) -> None:
-    for row in range(len(element)):
-        for cell in range(CELLS):
-            if planned[row, cell] and state[row, cell] < 4:
-                out[element[row, cell], state[row, cell]] += 1
-
-
-def count_states(world: Universe, state: NDArray[np.uint8], elements: int) -> NDArray[np.int64]:
-    """(E, 4) planned voxels of each element in each state."""
-    out = np.zeros((elements, 4), np.int64)
-    _count(world.element, world.planned, state, out)
-    return out
-
-
 @dataclass(frozen=True)
 class VoxelCloud:
     """Voxels as a list, ordered by brick and cell, whatever the tiles and threads that made them."""
@@ -165,12 +148,16 @@ class VoxelCloud:
     state: NDArray[np.uint8]
     element: NDArray[np.int32]
     planned: NDArray[np.bool_]
+    absent: NDArray[np.bool_]
+    """Of a planned solid, and known not to stand in the last epoch, whether it stood in the reference or not."""
 
 
-def voxel_cloud(world: Universe, state: NDArray[np.uint8], seen: NDArray[np.bool_]) -> VoxelCloud:
+def voxel_cloud(
+    world: Universe, state: NDArray[np.uint8], seen: NDArray[np.bool_], absent: NDArray[np.bool_]
+) -> VoxelCloud:
     """All voxels with a state, except the inside of solids of which nobody saw anything (not ``seen`` (B, 512))."""
-    row, cell = np.nonzero((state != NOTHING) & ((state != UNKNOWN) | seen))
+    row, cell = np.nonzero((state != NOTHING) & ((state != UNKNOWN) | seen | absent))
     return VoxelCloud(
         voxel_index(world.table.keys[row], cell), state[row, cell],
-        world.element[row, cell].astype(np.int32), world.planned[row, cell]
+        world.element[row, cell].astype(np.int32), world.planned[row, cell], absent[row, cell],
     )

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import __version__
+from ..change.amounts import Absent, Amount, amounts
 from ..change.closing import close_gone
 from ..change.clusters import find_clusters
 from ..change.decide import element_state, partly_gone, ratios
@@ -20,16 +21,9 @@ from ..change.look import EpochSight, look_at_elements, sensor_model
 from ..change.parts import Parts, read_parts
 from ..change.planned import Planned, parse_date, read_planned
 from ..change.progress import expected_state, group_progress, judge
-from ..change.results import DISAPPEARED, ChangeResult, ElementChange, EpochRecord
+from ..change.results import ChangeResult, ElementChange, EpochRecord
 from ..change.solids import SolidVoxels, fitting_edge, voxelise
-from ..change.voxels import (
-    Universe,
-    compare,
-    count_states,
-    deep,
-    universe,
-    voxel_cloud,
-)
+from ..change.voxels import Universe, compare, universe, voxel_cloud
 from ..errors import BimVerifyError
 from ..evidence.collect import StationIndexes
 from ..model.elements import BuildingModel
@@ -144,24 +138,28 @@ def _compare(
     now, before = views[-1], views[0] if has_reference else None
     state = _states(world, seen[-1], seen[0] if has_reference else None)
     day = parse_date(options.date or now.date)
-    elements = _elements(model, solids, world, state, now.sight, before.sight if before else None, plans, day)
+    first: Absent | None = None
+    alone = []
+    for view, epoch in zip(views, seen, strict=True):
+        gone = Absent.of(world, state if view is now and before is None else _states(world, epoch, None))
+        found = amounts(world, gone, None, epoch, len(model.elements))
+        alone.append(_elements(model, solids, found, view.sight, None, plans, day))
+        first = gone if view is before else first
+    elements = planned_now = alone[-1]
+    if before is not None:
+        both = amounts(world, gone, first, seen[-1], len(model.elements))
+        elements = tuple(
+            replace(e, agrees=p.agrees, progress=p.progress)  # these follow what stands now
+            for e, p in zip(_elements(model, solids, both, now.sight, before.sight, plans, day), planned_now, strict=True)
+        )
     anything = np.zeros(state.shape, np.bool_)
     for epoch in seen:
         anything |= epoch.state != UNSEEN
-    cloud = voxel_cloud(world, state, anything)
+    cloud = voxel_cloud(world, state, anything, gone.cells)
     anchor = solids.grid.anchor + model.origin
     weight = [e.volume or 1e-3 for e in elements]
     records = [
-        replace(
-            _record(model, v), states=tuple(
-                e.state for e in (
-                    elements if v is now and not has_reference else _elements(
-                        model, solids, world, _states(world, o, None), v.sight, None, plans, day
-                    )
-                )
-            )
-        )
-        for v, o in zip(views, seen, strict=True)
+        replace(_record(model, v), states=tuple(e.state for e in found)) for v, found in zip(views, alone, strict=True)
     ]
     if options.date:
         records[-1] = replace(records[-1], date=options.date)
@@ -169,9 +167,11 @@ def _compare(
         model=model, options=options, edge=edge, elements=elements,
         epochs=tuple(records[1:] if has_reference else records), reference=records[0] if has_reference else None,
         planned=plans, clusters=find_clusters(model, solids.grid, cloud, seen[:-1]),
-        groups=group_progress(elements, plans, weight), voxels=cloud,
+        groups=group_progress(planned_now, plans, weight), voxels=cloud,
         anchor=(float(anchor[0]), float(anchor[1]), float(anchor[2])),
-        remaining=tuple(n for n, e in enumerate(elements) if e.state == "PARTIAL" and not e.moved and e.disappeared_ratio > 0),
+        remaining=tuple(
+            n for n, e in enumerate(planned_now) if e.state == "PARTIAL" and not e.moved and e.disappeared_ratio > 0
+        ),
         method=f"bim_verify {__version__} occupancy", timings=watch.seconds,
         warnings=tuple(_warnings(model, edge, options, views, plans, day)),
     )
@@ -184,34 +184,30 @@ def _states(world: Universe, epoch: Observation, reference: Observation | None) 
 
 
 def _elements(
-    model: BuildingModel, solids: SolidVoxels, world: Universe, state: NDArray[np.uint8], now: EpochSight,
-    before: EpochSight | None, plans: tuple[Planned, ...], day: date | None,
+    model: BuildingModel, solids: SolidVoxels, found: Sequence[Amount | None], now: EpochSight, before: EpochSight | None,
+    plans: tuple[Planned, ...], day: date | None,
 ) -> tuple[ElementChange, ...]:
-    gone = (state == DISAPPEARED) & world.planned
-    thick = deep(world, gone)
-    counts = count_states(world, state, len(model.elements))
-    thick_count = np.bincount(world.element[thick], minlength=len(model.elements))
     tolerance = max(now.tolerance, before.tolerance) if before else now.tolerance
-    found = []
+    changes = []
     for row, element in enumerate(model.elements):
         mine, then = now.elements[row], before.elements[row] if before else None
-        share = float(thick_count[row] / max(counts[row].sum(), 1))
-        decision = element_state(model, row, mine, then, share, tolerance)
+        amount = found[row] or Amount()
+        decision = element_state(model, row, mine, then, amount, tolerance)
         what = decision.state
-        shares = ratios(decision, counts[row], mine)
+        shares = ratios(decision, found[row], mine, then)
         volume = float(solids.volume[row])
         expected = expected_state(plans[row], day)
-        partial = mine.seen == "STANDS" and partly_gone(model, row, share)
+        partial = mine.seen == "STANDS" and partly_gone(model, row, amount.deep)
         progress, agrees = judge(plans[row], expected, "PART" if partial else mine.seen)
         if agrees and what in ("PARTIAL", "DISAPPEARED") and expected in ("CONFIRMED", "NEW"):
             agrees = False
-        found.append(ElementChange(
+        changes.append(ElementChange(
             element.global_id, element.ifc_class, element.name, element.storey, what, *shares, volume,
             disappeared_volume=shares[1] * volume, built_volume=(shares[0] + shares[2]) * volume,
             shift=_shift(mine, then), expected=expected, agrees=agrees, progress=progress, reason=decision.reason,
             moved=mine.seen == "MOVED",
         ))
-    return tuple(found)
+    return tuple(changes)
 
 
 def _shift(now: Any, before: Any) -> float | None:

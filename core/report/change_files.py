@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..change.results import DISAPPEARED, ChangeResult
+from ..change.results import ChangeResult
 from ..change.voxels import VoxelCloud
 from ..files import whole_file
 from ..scans.write_ply import write_ply
@@ -98,14 +98,14 @@ def voxel_normals(cloud: VoxelCloud) -> NDArray[np.float64]:
 def remaining_mesh(result: ChangeResult, row: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """What is left of a partly demolished element: vertices (V, 3) [m, model frame] and quads (Q, 4), outward.
 
-    The planned solid in voxels, without those that disappeared; so its faces are those of the voxels.
+    The planned solid in voxels, without those known not to stand now, whether they stood in a reference or not; so its faces
+    are those of the voxels.
     """
     from ..change.solids import solid_voxels_of
 
     solid = solid_voxels_of(result.model, result.edge, row)
     cloud = result.voxels
-    gone = cloud.index[(cloud.element == row) & (cloud.state == DISAPPEARED)]
-    left = _without(solid, gone)
+    left = _without(solid, cloud.index[(cloud.element == row) & cloud.absent])
     return voxel_skin(left, np.array(result.anchor), result.edge)
 
 

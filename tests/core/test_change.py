@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from bim_verify.core.change.amounts import Amount
 from bim_verify.core.change.decide import Decision, element_state, partly_gone, ratios
 from bim_verify.core.change.look import ElementSight
 from bim_verify.core.change.overlap import overlap
@@ -251,9 +252,9 @@ def a_sighting(sample: int, point: np.ndarray) -> Sightings:
 
 def test_what_edges_hide_counts_like_the_rest_of_an_element() -> None:
     sight = ElementSight("STANDS", 9.0, 0.0, 10.0, (0.0, 0.0, 0.0), "")
-    counts, found = np.array([100, 0, 0, 0]), Decision("CONFIRMED", "")
-    assert ratios(found, counts, sight)[0] == pytest.approx(0.9)
-    assert ratios(found, counts, dataclasses.replace(sight, silent=1.0))[0] == pytest.approx(1.0)
+    found = Decision("CONFIRMED", "")
+    assert ratios(found, Amount(), sight)[0] == pytest.approx(0.9)
+    assert ratios(found, Amount(), dataclasses.replace(sight, silent=1.0))[0] == pytest.approx(1.0)
 
 
 def test_a_part_and_its_whole_are_no_twins() -> None:
@@ -294,16 +295,17 @@ def test_where_an_element_came_from_elsewhere_it_is_new() -> None:
     there = ElementSight("STANDS", 1.0, 0.0, 1.0, (0.0, 0.0, 0.0), "")
     for shift, states in ((5.0, ("NEW", "DISAPPEARED")), (0.1, ("PARTIAL", "PARTIAL"))):
         moved = ElementSight("MOVED", 1.0, 0.0, 1.0, (shift, 0.0, 0.0), "")
-        assert element_state(model, row, there, moved, 0.0, 0.01).state == states[0]
-        assert element_state(model, row, moved, there, 0.0, 0.01).state == states[1]
+        assert element_state(model, row, there, moved, Amount(), 0.01).state == states[0]
+        assert element_state(model, row, moved, there, Amount(), 0.01).state == states[1]
 
 
 def test_an_element_that_stands_but_for_a_part_is_partly_gone() -> None:
     model = house()
     row = list(PLAN).index("partition")
     there = ElementSight("STANDS", 1.0, 0.0, 1.0, None, "")
-    assert partly_gone(model, row, 0.3) and element_state(model, row, there, None, 0.3, 0.01).state == "PARTIAL"
-    assert not partly_gone(model, row, 0.05) and element_state(model, row, there, None, 0.05, 0.01).state == "CONFIRMED"
+    for deep, state in ((0.3, "PARTIAL"), (0.05, "CONFIRMED")):
+        assert partly_gone(model, row, deep) == (state == "PARTIAL")
+        assert element_state(model, row, there, None, Amount(deep=deep), 0.01).state == state
 
 
 def test_solids_are_filled_and_thin_ones_kept() -> None:

@@ -11,17 +11,27 @@ from bim_verify.core.evidence.thresholds import Thresholds
 
 
 def says(
-    at: float, either: float, beyond: float, beams_at: int, beams_through: int, seen_share: float = 0.5
+    at: float, either: float, beyond: float, beams_at: int, beams_through: int, seen_share: float = 0.5, glazed: bool = False
 ) -> str:
     areas = [np.array([a]) for a in (at, either, beyond, 0.0)]
     own = OwnEvidence(*areas, np.array([beams_at]), np.array([beams_through]))
-    return verdict(own, 0, seen_share, (0.25, 0.5), Thresholds())
+    return verdict(own, 0, seen_share, (0.25, 0.5), Thresholds(), glazed)
 
 
 def test_what_stands_is_gone_or_stands_in_part() -> None:
     assert says(9.0, 0.0, 1.0, 90, 10) == "STANDS"
     assert says(1.0, 0.0, 9.0, 10, 90) == "GONE"
     assert says(4.0, 0.0, 6.0, 40, 60) == "PART"
+
+
+def test_of_what_stands_a_part_is_gone_when_beams_show_that_more_than_a_quarter_passes() -> None:
+    assert says(6.0, 0.0, 4.0, 60, 40) == "PART"
+    assert says(6.0, 0.0, 4.0, 6, 4) == "STANDS", "few beams"
+    assert says(6.0, 0.0, 4.0, 95, 5) == "STANDS", "most of these beams pass close to its edges"
+    assert says(8.0, 0.0, 2.0, 800, 200) == "STANDS", "edges of slender elements let as many pass"
+    assert says(6.0, 8.0, 4.0, 60, 40) == "STANDS", "another element may have the rest"
+    assert says(6.0, 0.0, 4.0, 60, 40, glazed=True) == "STANDS"
+    assert says(6.0, 0.0, 4.0, 60, 40, seen_share=0.04) == "STANDS"
 
 
 @pytest.mark.parametrize("passes, expected", [(0.11, "GONE"), (0.09, "EITHER")])

@@ -1,0 +1,106 @@
+"""Elements of which a part stands: in the reference, now, or in both."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bim_verify.core.change.amounts import Amount
+from bim_verify.core.change.decide import element_state, ratios
+from bim_verify.core.change.look import ElementSight, Seen
+from bim_verify.core.jobs import change
+from bim_verify.core.options import ChangeOptions
+from bim_verify.core.report.change_files import remaining_mesh
+
+from .verify_data import PLAN, built, house, scan
+
+OPTIONS = ChangeOptions(voxel=0.04, sigma=0.0013, sample_spacing=0.1, memory_gb=1.0)
+ROW = list(PLAN).index("partition")
+SECTION_M2 = 0.2 * 3.0
+"""Of the partition, 4 m long."""
+
+
+@cache
+def standing(length: float) -> Any:
+    """A scan in which so many metres of the partition stand."""
+    return scan(built({}, (), {"partition": (((6.0, 0.0, 0.0), (6.2, length, 3.0)),)}), seed=round(10 * length))
+
+
+def mesh_volume(vertices: np.ndarray, quads: np.ndarray) -> float:
+    corner = vertices[quads]
+    cross = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1]) / 2
+    return float(np.einsum("ij,ij->i", corner.mean(axis=1), cross).sum() / 3)
+
+
+@pytest.mark.parametrize(
+    "then, now, state", [(1.4, 1.5, "CONFIRMED"), (2.8, 1.4, "PARTIAL"), (1.4, 4.0, "PARTIAL")],
+    ids=["as it was", "less", "completed"],
+)
+def test_volumes_between_epochs_of_a_wall_that_stood_in_part(then: float, now: float, state: str) -> None:
+    result = change(house(), [standing(now)], standing(then), OPTIONS)
+    found = result.elements[ROW]
+    assert found.state == state, found.reason
+    volume = SECTION_M2 * 4.0
+    assert found.built_volume == pytest.approx(SECTION_M2 * now, rel=0.1)
+    assert found.disappeared_volume == pytest.approx(SECTION_M2 * max(then - now, 0.0), abs=0.03 * volume)
+    assert found.new_ratio == pytest.approx(max(now - then, 0.0) / 4.0, abs=0.05)
+    assert found.confirmed_ratio == pytest.approx(min(then, now) / 4.0, abs=0.05)
+    assert found.confirmed_ratio + found.new_ratio + found.disappeared_ratio + found.unknown_ratio == pytest.approx(1.0)
+    assert mesh_volume(*remaining_mesh(result, ROW)) == pytest.approx(SECTION_M2 * now, rel=0.05)
+    assert found.agrees == (now == 4.0) and (ROW in result.remaining) == (now < 4.0)
+    percent = next(g.complete for g in result.groups if g.kind == "class" and g.name == "IfcWall")
+    assert percent is not None and (percent == 1.0) == (now == 4.0)
+
+
+def test_a_thin_ceiling_of_which_less_than_half_is_gone_stands_in_part() -> None:
+    """Its 20 mm are less than a voxel, so voxels alone do not tell this from edges."""
+    part = {"ceiling": (((2.4, 0.0, 2.7), (6.0, 4.0, 2.72)),)}
+    result = change(house(), [scan(built({}, (), part), seed=7)], None, OPTIONS)
+    found = {e.name: e for e in result.elements}
+    ceiling = found.pop("ceiling")
+    assert ceiling.state == "PARTIAL" and ceiling.agrees is False, ceiling.reason
+    assert ceiling.disappeared_ratio == pytest.approx(0.4, abs=0.06)
+    assert {e.state for e in found.values()} <= {"CONFIRMED", "UNKNOWN"}
+
+
+def sight(seen: Seen, at: float = 10.0, beyond: float = 0.0, shift: tuple[float, float, float] | None = None) -> ElementSight:
+    return ElementSight(seen, at, beyond, 10.0, shift, "")
+
+
+def state(
+    now: ElementSight, before: ElementSight, amount: Amount | None = None
+) -> tuple[str, tuple[float, float, float, float]]:
+    amount = amount or Amount()
+    found = element_state(house(), ROW, now, before, amount, 0.01)
+    return found.state, ratios(found, amount, now, before)
+
+
+def test_what_was_absent_and_now_stands_off_its_place_is_not_new() -> None:
+    gone, far, near = sight("GONE", 0.0), sight("MOVED", shift=(0.4, 0.0, 0.0)), sight("MOVED", shift=(0.05, 0.0, 0.0))
+    assert state(far, gone) == ("UNKNOWN", (0.0, 0.0, 0.0, 1.0))
+    assert "400 mm off" in element_state(house(), ROW, far, gone, Amount(), 0.01).reason
+    assert state(near, gone) == ("PARTIAL", pytest.approx((0.0, 0.0, 0.75, 0.25)))
+    assert state(sight("STANDS"), gone) == ("NEW", (0.0, 0.0, 1.0, 0.0))
+
+
+def test_what_came_back_to_its_place_is_new_where_it_was_not() -> None:
+    near = sight("MOVED", shift=(0.05, 0.0, 0.0))
+    assert state(sight("STANDS"), near) == ("PARTIAL", pytest.approx((0.75, 0.0, 0.25, 0.0)))
+    assert state(near, sight("STANDS")) == ("PARTIAL", pytest.approx((0.75, 0.25, 0.0, 0.0)))
+
+
+def test_a_part_is_new_only_where_it_was_found() -> None:
+    """The gap of the reference is out of view now: nothing shows that the part stands."""
+    half = sight("PART", 4.0, 6.0)
+    hidden = Amount(absent=0.0, left=0.0, came=0.0, kept=0.4, deep_then=0.6)
+    assert state(sight("STANDS", 4.0), half, hidden) == ("CONFIRMED", pytest.approx((0.4, 0.0, 0.0, 0.6)))
+    found = Amount(absent=0.0, left=0.0, came=0.6, kept=0.4, deep_then=0.6)
+    assert state(sight("STANDS"), half, found) == ("PARTIAL", pytest.approx((0.4, 0.0, 0.6, 0.0)))
+
+
+def test_a_part_of_what_is_new_is_partial_and_all_of_it_that_stands_is_new() -> None:
+    found = state(sight("PART", 4.0, 6.0), sight("GONE", 0.0), Amount(absent=0.6, left=0.1, kept=0.4, deep=0.6))
+    assert found == ("PARTIAL", pytest.approx((0.0, 0.0, 0.4, 0.6)))
