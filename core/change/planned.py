@@ -26,6 +26,10 @@ class Planned:
     """task, phase, status, or empty when the model says nothing but that it exists."""
     temporary: bool = False
 
+    @property
+    def dated(self) -> bool:
+        return self.start is not None or self.finish is not None
+
 
 def read_planned(file: Any, elements: list[tuple[int, str]]) -> tuple[Planned, ...]:
     """The plan of elements (STEP id, GlobalId) of an open IFC file: tasks go before phases, phases before the status."""

@@ -42,7 +42,7 @@ class ElementChange:
     """Metres from the planned place (from the reference epoch's, where there is one); None where nothing fixes it."""
     expected: State
     agrees: bool | None
-    """Whether what was seen is what was expected; None when it was not seen."""
+    """Whether what stands is what was expected; None when that was not decided, or nothing was expected."""
     progress: Progressing
     reason: str
     moved: bool = False
@@ -95,9 +95,9 @@ class GroupProgress:
     name: str
     elements: int
     complete: float | None
-    """Of what was observed; None when nothing was."""
+    """Work done (built, left, or demolished, as planned), of what was observed; None when nothing was."""
     planned: float | None
-    """What should stand at the scan's date, of what was observed."""
+    """Work that should be done at the scan's date, of what was observed and has a plan; None when nothing has."""
     not_observed: float
 
 

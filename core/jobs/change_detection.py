@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ... import __version__
 from ..change.closing import close_gone
 from ..change.clusters import find_clusters
-from ..change.decide import element_state, partly_gone, ratios
+from ..change.decide import element_state, ratios
 from ..change.look import EpochSight, look_at_elements, sensor_model
 from ..change.parts import Parts, read_parts
 from ..change.planned import Planned, parse_date, read_planned
@@ -142,9 +142,18 @@ def _compare(
 ) -> ChangeResult:
     edge = solids.grid.edge
     now, before = views[-1], views[0] if has_reference else None
-    state = _states(world, seen[-1], seen[0] if has_reference else None)
     day = parse_date(options.date or now.date)
-    elements = _elements(model, solids, world, state, now.sight, before.sight if before else None, plans, day)
+    state = _states(world, seen[-1], seen[0] if before else None)
+    series = []
+    for view, epoch in zip(views, seen, strict=True):
+        alone = state if view is now and not before else _states(world, epoch, None)
+        series.append(_elements(model, solids, world, alone, view.sight, plans, day))
+    built = elements = series[-1]  # against the model: what the plan is compared with
+    if before:
+        elements = _elements(model, solids, world, state, now.sight, plans, day, before.sight)
+        elements = tuple(
+            replace(e, expected=b.expected, agrees=b.agrees, progress=b.progress) for e, b in zip(elements, built, strict=True)
+        )
     anything = np.zeros(state.shape, np.bool_)
     for epoch in seen:
         anything |= epoch.state != UNSEEN
@@ -152,16 +161,7 @@ def _compare(
     anchor = solids.grid.anchor + model.origin
     weight = [e.volume or 1e-3 for e in elements]
     records = [
-        replace(
-            _record(model, v), states=tuple(
-                e.state for e in (
-                    elements if v is now and not has_reference else _elements(
-                        model, solids, world, _states(world, o, None), v.sight, None, plans, day
-                    )
-                )
-            )
-        )
-        for v, o in zip(views, seen, strict=True)
+        replace(_record(model, v), states=tuple(e.state for e in found)) for v, found in zip(views, series, strict=True)
     ]
     if options.date:
         records[-1] = replace(records[-1], date=options.date)
@@ -169,7 +169,7 @@ def _compare(
         model=model, options=options, edge=edge, elements=elements,
         epochs=tuple(records[1:] if has_reference else records), reference=records[0] if has_reference else None,
         planned=plans, clusters=find_clusters(model, solids.grid, cloud, seen[:-1]),
-        groups=group_progress(elements, plans, weight), voxels=cloud,
+        groups=group_progress(built, plans, weight), voxels=cloud,
         anchor=(float(anchor[0]), float(anchor[1]), float(anchor[2])),
         remaining=tuple(n for n, e in enumerate(elements) if e.state == "PARTIAL" and not e.moved and e.disappeared_ratio > 0),
         method=f"bim_verify {__version__} occupancy", timings=watch.seconds,
@@ -185,7 +185,7 @@ def _states(world: Universe, epoch: Observation, reference: Observation | None) 
 
 def _elements(
     model: BuildingModel, solids: SolidVoxels, world: Universe, state: NDArray[np.uint8], now: EpochSight,
-    before: EpochSight | None, plans: tuple[Planned, ...], day: date | None,
+    plans: tuple[Planned, ...], day: date | None, before: EpochSight | None = None,
 ) -> tuple[ElementChange, ...]:
     gone = (state == DISAPPEARED) & world.planned
     thick = deep(world, gone)
@@ -201,10 +201,7 @@ def _elements(
         shares = ratios(decision, counts[row], mine)
         volume = float(solids.volume[row])
         expected = expected_state(plans[row], day)
-        partial = mine.seen == "STANDS" and partly_gone(model, row, share)
-        progress, agrees = judge(plans[row], expected, "PART" if partial else mine.seen)
-        if agrees and what in ("PARTIAL", "DISAPPEARED") and expected in ("CONFIRMED", "NEW"):
-            agrees = False
+        progress, agrees = judge(plans[row], expected, what)
         found.append(ElementChange(
             element.global_id, element.ifc_class, element.name, element.storey, what, *shares, volume,
             disappeared_volume=shares[1] * volume, built_volume=(shares[0] + shares[2]) * volume,
