@@ -66,7 +66,9 @@ class Cluster:
     inside: bool
     """Most of it lies in planned solids."""
     persistence: Persistence
-    """Whether the other epochs saw it too."""
+    """Whether it lasts, as far as the other epochs but the reference tell: see ``clusters.persistence``."""
+    epochs: tuple[str, ...] = ()
+    """Names of the epochs that saw something there."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +118,7 @@ class ChangeResult:
     reference: EpochRecord | None
     planned: tuple[Planned, ...]
     clusters: tuple[Cluster, ...]
+    """Largest first; a warning says how many smaller ones are left out, if any are."""
     groups: tuple[GroupProgress, ...]
     voxels: VoxelCloud
     anchor: tuple[float, float, float]

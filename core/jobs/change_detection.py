@@ -158,6 +158,10 @@ def _compare(
     for epoch in seen:
         anything |= epoch.state != UNSEEN
     cloud = voxel_cloud(world, state, anything)
+    named = [(v.name, o) for v, o in zip(views, seen, strict=True)]
+    clusters, left_out = find_clusters(
+        model, world, cloud, named[1:] if has_reference else named, seen[0] if has_reference else None
+    )
     anchor = solids.grid.anchor + model.origin
     weight = [e.volume or 1e-3 for e in elements]
     records = [
@@ -168,12 +172,12 @@ def _compare(
     return ChangeResult(
         model=model, options=options, edge=edge, elements=elements,
         epochs=tuple(records[1:] if has_reference else records), reference=records[0] if has_reference else None,
-        planned=plans, clusters=find_clusters(model, solids.grid, cloud, seen[:-1]),
+        planned=plans, clusters=clusters,
         groups=group_progress(built, plans, weight), voxels=cloud,
         anchor=(float(anchor[0]), float(anchor[1]), float(anchor[2])),
         remaining=tuple(n for n, e in enumerate(elements) if e.state == "PARTIAL" and not e.moved and e.disappeared_ratio > 0),
         method=f"bim_verify {__version__} occupancy", timings=watch.seconds,
-        warnings=tuple(_warnings(model, edge, options, views, plans, day)),
+        warnings=tuple(_warnings(model, edge, options, views, plans, day, left_out)),
     )
 
 
@@ -240,7 +244,7 @@ def _record(model: BuildingModel, view: _View) -> EpochRecord:
 
 def _warnings(
     model: BuildingModel, edge: float, options: ChangeOptions, views: list[_View], plans: tuple[Planned, ...],
-    day: date | None,
+    day: date | None, left_out: int,
 ) -> Iterator[str]:
     if edge > options.voxel:
         yield (
@@ -263,4 +267,6 @@ def _warnings(
             )
     if day is None and any(p.start or p.finish for p in plans):
         yield "The scans give no date, so dates of tasks were not used; give one with --date."
+    if left_out:
+        yield f"{left_out:,} smaller groups of new or gone voxels are not listed."
     yield from model.skipped
