@@ -165,7 +165,7 @@ def _split(
 def _came_and_went(
     world: Universe, epochs: Sequence[Observation], reference: Observation | None
 ) -> NDArray[np.int64]:
-    """(N, 3) voxels outside elements that an earlier epoch found occupied, the last one empty, and the reference not occupied."""
+    """(N, 3) voxels outside elements, occupied in an earlier epoch, empty in the last, and not occupied in the reference."""
     stood = np.zeros(world.wanted.shape, np.bool_)
     for epoch in epochs[:-1]:
         stood |= epoch.state == OCCUPIED

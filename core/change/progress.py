@@ -10,7 +10,9 @@ from .results import ElementChange, GroupProgress, Progressing, State
 
 
 def expected_state(plan: Planned, day: date | None) -> State:
-    """What the plan says of an element on that day, in the words of the observed states."""
+    """What the plan says of an element on that day, in the words of the observed states; UNKNOWN where dates lack a day."""
+    if plan.dated and day is None:
+        return "UNKNOWN"
     if plan.act == "build":
         if plan.start and day and day < plan.start:
             return "DISAPPEARED"

@@ -143,6 +143,8 @@ def _compare(
     edge = solids.grid.edge
     now, before = views[-1], views[0] if has_reference else None
     day = parse_date(options.date or now.date)
+    undated = day is None and any(p.dated for p in plans)
+    plans = tuple(p.on(day) for p in plans)
     state = _states(world, seen[-1], seen[0] if before else None)
     series = []
     for view, epoch in zip(views, seen, strict=True):
@@ -177,7 +179,7 @@ def _compare(
         anchor=(float(anchor[0]), float(anchor[1]), float(anchor[2])),
         remaining=tuple(n for n, e in enumerate(elements) if e.state == "PARTIAL" and not e.moved and e.disappeared_ratio > 0),
         method=f"bim_verify {__version__} occupancy", timings=watch.seconds,
-        warnings=tuple(_warnings(model, edge, options, views, plans, day, left_out)),
+        warnings=tuple(_warnings(model, edge, options, views, undated, left_out)),
     )
 
 
@@ -243,8 +245,7 @@ def _record(model: BuildingModel, view: _View) -> EpochRecord:
 
 
 def _warnings(
-    model: BuildingModel, edge: float, options: ChangeOptions, views: list[_View], plans: tuple[Planned, ...],
-    day: date | None, left_out: int,
+    model: BuildingModel, edge: float, options: ChangeOptions, views: list[_View], undated: bool, left_out: int
 ) -> Iterator[str]:
     if edge > options.voxel:
         yield (
@@ -265,7 +266,7 @@ def _warnings(
                 f"The {view.name} is sparse: {share:.0%} of its occupied voxels have fewer than {options.min_points} returns, "
                 "and count because a surface there sends no more back."
             )
-    if day is None and any(p.start or p.finish for p in plans):
+    if undated:
         yield "The scans give no date, so dates of tasks were not used; give one with --date."
     if left_out:
         yield f"{left_out:,} smaller groups of new or gone voxels are not listed."

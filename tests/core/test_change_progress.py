@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from datetime import date
 
 import ifcopenshell
@@ -120,3 +121,121 @@ def test_work_is_weighed_by_volume_and_what_was_not_observed_stands_beside() -> 
 def test_nothing_observed_has_no_share() -> None:
     group = groups((an_element("UNKNOWN", Planned()), Planned(), 1.0))["class", "IfcWall"]
     assert (group.complete, group.planned, group.not_observed) == (None, None, 1.0)
+
+
+BUILD_2030 = Planned("build", date(2030, 1, 1), date(2030, 2, 1), "Build", "task")
+DEMOLISH_2030 = Planned("demolish", date(2030, 1, 1), date(2030, 2, 1), "Demolish", "task")
+
+
+@pytest.mark.parametrize("plan", [BUILD_2030, DEMOLISH_2030])
+@pytest.mark.parametrize("state", ["CONFIRMED", "DISAPPEARED", "PARTIAL"])
+def test_dates_tell_nothing_without_a_day(plan: Planned, state: State) -> None:
+    now = plan.on(None)
+    found = an_element(state, now, None)
+    assert (found.expected, found.progress, found.agrees) == ("UNKNOWN", "cannot tell", None)
+    assert groups((found, now, 1.0))["task", plan.task].planned is None
+
+
+def test_without_a_day_the_status_counts() -> None:
+    stated = Planned("demolish", source="status")
+    now = dataclasses.replace(DEMOLISH_2030, stages=(DEMOLISH_2030,), stated=stated).on(None)
+    assert now == stated
+    assert judge(now, expected_state(now, None), "CONFIRMED") == ("should be gone", False)
+
+
+class Schedule:
+    """A file with tasks."""
+
+    def __init__(self) -> None:
+        self.file = ifcopenshell.file(schema="IFC4")
+
+    def add(self, kind: str) -> ifcopenshell.entity_instance:
+        return self.file.create_entity(kind, ifcopenshell.guid.new())
+
+    def task(
+        self, name: str, *products: ifcopenshell.entity_instance, kind: str = "CONSTRUCTION", start: str | None = None,
+        finish: str | None = None, duration: str | None = None,
+    ) -> ifcopenshell.entity_instance:
+        time = self.file.create_entity(
+            "IfcTaskTime", ScheduleStart=start, ScheduleFinish=finish, ScheduleDuration=duration
+        )
+        task = self.file.create_entity(
+            "IfcTask", ifcopenshell.guid.new(), Name=name, IsMilestone=False, PredefinedType=kind, TaskTime=time
+        )
+        for product in products:
+            self.file.create_entity(
+                "IfcRelAssignsToProcess", ifcopenshell.guid.new(), RelatedObjects=[product], RelatingProcess=task
+            )
+        return task
+
+    def status(self, product: ifcopenshell.entity_instance, word: str) -> None:
+        value = self.file.create_entity(
+            "IfcPropertyEnumeratedValue", "Status", EnumerationValues=[self.file.create_entity("IfcLabel", word)]
+        )
+        common = self.file.create_entity(
+            "IfcPropertySet", ifcopenshell.guid.new(), Name="Pset_WallCommon", HasProperties=[value]
+        )
+        self.file.create_entity(
+            "IfcRelDefinesByProperties", ifcopenshell.guid.new(), RelatedObjects=[product],
+            RelatingPropertyDefinition=common,
+        )
+
+    def aggregate(self, whole: ifcopenshell.entity_instance, part: ifcopenshell.entity_instance) -> None:
+        self.file.create_entity("IfcRelAggregates", ifcopenshell.guid.new(), RelatingObject=whole, RelatedObjects=[part])
+
+    def plan(self, product: ifcopenshell.entity_instance) -> Planned:
+        return read_planned(self.file, [(product.id(), product.GlobalId)])[0]
+
+
+def test_a_task_time_without_dates_gives_way_to_the_task_above() -> None:
+    schedule = Schedule()
+    wall = schedule.add("IfcWall")
+    above = schedule.task("Above", start="2024-03-01", finish="2024-03-05")
+    child = schedule.task("Child", wall, duration="P3D")
+    schedule.file.create_entity("IfcRelNests", ifcopenshell.guid.new(), RelatingObject=above, RelatedObjects=[child])
+    plan = schedule.plan(wall)
+    assert (plan.task, plan.start, plan.finish) == ("Child", date(2024, 3, 1), date(2024, 3, 5))
+
+
+def test_an_element_that_is_built_and_later_demolished() -> None:
+    schedule = Schedule()
+    wall = schedule.add("IfcWall")
+    schedule.task("Remove", wall, kind="DEMOLITION", start="2025-05-01", finish="2025-05-05")
+    schedule.task("Formwork", wall, start="2024-05-01", finish="2024-05-05")
+    schedule.task("Concrete", wall, start="2024-05-08", finish="2024-05-12")
+    plan = schedule.plan(wall)
+    expected = {
+        day: expected_state(plan.on(day), day)
+        for day in (
+            date(2024, 4, 30), date(2024, 5, 2), date(2024, 5, 6), date(2024, 5, 12), date(2025, 4, 30), date(2025, 5, 2),
+            date(2025, 5, 5),
+        )
+    }
+    assert list(expected.values()) == ["DISAPPEARED", "PARTIAL", "PARTIAL", "NEW", "NEW", "PARTIAL", "DISAPPEARED"]
+    assert plan.on(date(2024, 4, 30)).act == "build" and plan.on(date(2025, 5, 2)).task == "Remove"
+    assert expected_state(plan.on(None), None) == "UNKNOWN"
+
+
+def test_status_is_kept_for_scans_without_a_day() -> None:
+    schedule = Schedule()
+    wall = schedule.add("IfcWall")
+    schedule.task("Remove", wall, kind="DEMOLITION", start="2030-05-01")
+    schedule.status(wall, "EXISTING")
+    plan = schedule.plan(wall)
+    assert plan.on(None).source == "status" and expected_state(plan.on(None), None) == "CONFIRMED"
+    assert plan.on(DAY).source == "task" and plan.on(DAY).act == "demolish"
+
+
+def test_a_task_on_a_whole_reaches_its_parts() -> None:
+    schedule = Schedule()
+    stair, flight, step, storey = (
+        schedule.add(kind) for kind in ("IfcStair", "IfcStairFlight", "IfcBuildingElementPart", "IfcBuildingStorey")
+    )
+    schedule.aggregate(storey, stair)
+    schedule.aggregate(stair, flight)
+    schedule.aggregate(flight, step)
+    schedule.task("Storey", storey, start="2020-01-01")
+    schedule.task("Stair", stair, start="2024-05-01")
+    assert [schedule.plan(e).task for e in (stair, flight, step)] == ["Stair"] * 3
+    schedule.task("Step", step, start="2024-06-01")
+    assert [schedule.plan(e).task for e in (flight, step)] == ["Stair", "Step"]
