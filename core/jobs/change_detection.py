@@ -90,6 +90,11 @@ def change(
             store = stack.enter_context(
                 ReturnStore(source, options.memory_gb * 0.5 / len(campaigns), part.part(0.0, 0.3))
             )
+            if not any(store.count(s) for s in range(len(store.stations))):
+                raise BimVerifyError(
+                    f"The scans of the {name} ({', '.join(Path(p).name for p in source.paths)}) hold no return; leave them "
+                    "out, or export them again."
+                )
             stations = StationIndexes(store, model.origin)
             sight = look_at_elements(
                 model, samples, scene, stations, sigma=options.sigma, edge=edge,

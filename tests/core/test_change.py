@@ -31,7 +31,9 @@ from bim_verify.core.options import ChangeOptions
 from bim_verify.core.report.change_files import change_to_json, changes_csv, remaining_mesh, write_voxels
 from bim_verify.core.report.change_page import render_change_page
 from bim_verify.core.report.change_views import voxel_views
+from bim_verify.core.scans.campaign import Station
 from bim_verify.core.sensing.loa import supported_level
+from bim_verify.core.simulation.box_building import ArraySource
 from bim_verify.core.simulation.scene import Prop
 
 from .verify_data import PLAN, REMOVED, built, house, scan, shifted
@@ -383,3 +385,12 @@ def test_names_are_escaped_in_the_report() -> None:
 def test_scans_elsewhere_are_refused() -> None:
     with pytest.raises(BimVerifyError, match="comes near the model"):
         change(house(), [scan(built({}), origin=np.array([900.0, 0.0, 0.0]))], None, OPTIONS)
+
+
+def test_scans_without_returns_are_refused() -> None:
+    nothing = ArraySource((Station("S0", np.array([2.4, 1.9, 1.5])),), (np.zeros((0, 3), np.float32),), ("empty.e57",))
+    for empty in (nothing, ArraySource((), (), ("empty.e57",))):
+        with pytest.raises(BimVerifyError, match=r"The scans of the epoch \(empty.e57\) hold no return"):
+            change(house(), [empty], None, OPTIONS)
+    with pytest.raises(BimVerifyError, match="The scans of the reference"):
+        change(house(), [before()], nothing, OPTIONS)
