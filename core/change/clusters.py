@@ -157,9 +157,11 @@ def _split(
     group = connected(index)
     order = np.argsort(group, kind="stable")
     first = np.flatnonzero(np.diff(group[order], prepend=-1))
-    for rows in np.split(order, first[1:]):
-        if len(rows) >= LEAST_VOXELS:
-            yield _Group(kind, index[rows], owner[rows], planned[rows])
+    count = np.diff(first, append=len(order))
+    large = count >= LEAST_VOXELS
+    for begin, n in zip(first[large], count[large], strict=True):
+        rows = order[begin : begin + n]
+        yield _Group(kind, index[rows], owner[rows], planned[rows])
 
 
 def _came_and_went(

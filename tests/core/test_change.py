@@ -17,7 +17,7 @@ from bim_verify.core.change.decide import Decision, element_state, partly_gone, 
 from bim_verify.core.change.look import ElementSight
 from bim_verify.core.change.overlap import overlap
 from bim_verify.core.change.own_evidence import clearly_inside, shows_gone, shows_standing
-from bim_verify.core.change.results import ChangeResult, ElementChange
+from bim_verify.core.change.results import STATES, ChangeResult, ElementChange
 from bim_verify.core.change.shared_surface import find_shared
 from bim_verify.core.change.solids import mesh_volumes, voxelise
 from bim_verify.core.errors import BimVerifyError
@@ -356,6 +356,9 @@ def test_outputs_hold_what_was_found(tmp_path: Path) -> None:
     assert (vertex["red"][gone] > vertex["green"][gone]).all()
     data = change_to_json(result)
     assert data["elements"] == [e.global_id for e in result.elements]
+    described = (Path(__file__).parents[2] / "docs" / "change.md").read_text(encoding="utf-8")
+    for key in (*data, *data["summary"], *data["changes"][0], *data["epochs"][0], *data["clusters"][0], *data["progress"][0]):
+        assert f"`{key}`" in described or key in STATES, key
     lines = changes_csv(result).decode("utf-8-sig").splitlines()
     assert len(lines) == len(PLAN) + 1
     page = render_change_page(result)
