@@ -11,6 +11,7 @@ from .results import ElementChange, GroupProgress, Progressing, State
 
 def expected_state(plan: Planned, day: date | None) -> State:
     """What the plan says of an element on that day, in the words of the observed states; UNKNOWN where dates lack a day."""
+    plan = plan.on(day)
     if plan.dated and day is None:
         return "UNKNOWN"
     if plan.act == "build":
@@ -31,7 +32,8 @@ def expected_state(plan: Planned, day: date | None) -> State:
 def judge(plan: Planned, expected: State, found: State) -> tuple[Progressing, bool | None]:
     """Progress of an element, and whether what was found agrees with the plan (None: not decided, or no plan).
 
-    ``found`` is its state against the model: what left its place, or moved partly off it, is not where it was planned.
+    ``plan`` is the one that counts on the day (``Planned.on``). ``found`` is its state against the model: what left its
+    place, or moved partly off it, is not where it was planned.
     """
     if found == "UNKNOWN" or expected == "UNKNOWN":
         return "cannot tell", None
