@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numba import njit, prange
@@ -11,14 +13,18 @@ from numpy.typing import NDArray
 from ..model.elements import BuildingModel
 from ..occupancy.bricks import BrickTable
 from ..occupancy.epoch import EMPTY, NEAR, OCCUPIED, Observation
-from ..occupancy.grid import CELLS, VoxelGrid, keys_of
+from ..occupancy.grid import CELLS, VoxelGrid, keys_of, voxel_index
 from .results import DISAPPEARED, NEW, Cluster, Persistence
-from .voxels import VoxelCloud
+from .voxels import Universe, VoxelCloud
 
 LEAST_VOXELS = 27
 """Smaller groups of voxels are noise, mixed pixels and dust."""
-MOST_CLUSTERS = 500
+MOST_CLUSTERS = 10_000
+"""More are counted, but not described: the largest tell what changed."""
 SEEN_SHARE = 0.5
+PART_SHARE = 0.2
+Kind = Literal["NEW", "DISAPPEARED"]
+KINDS: tuple[tuple[Kind, int], ...] = (("NEW", NEW), ("DISAPPEARED", DISAPPEARED))
 
 
 @njit(cache=True, nogil=True)
@@ -103,11 +109,34 @@ def connected(index: NDArray[np.int64]) -> NDArray[np.int64]:
     return Neighbours(index).connected() if len(index) else np.zeros(0, np.int64)
 
 
+@dataclass(frozen=True)
+class _Group:
+    """Connected voxels (N, 3), the element of each (-1: none), and whether they are planned."""
+
+    kind: Kind
+    index: NDArray[np.int64]
+    owner: NDArray[np.int32]
+    planned: NDArray[np.bool_]
+
+
 def find_clusters(
-    model: BuildingModel, grid: VoxelGrid, cloud: VoxelCloud, others: Sequence[Observation]
-) -> tuple[Cluster, ...]:
-    """Clusters of new voxels outside elements and of gone voxels, largest first; ``others`` are the other epochs."""
-    found: list[Cluster] = []
+    model: BuildingModel, world: Universe, cloud: VoxelCloud, epochs: Sequence[tuple[str, Observation]],
+    reference: Observation | None = None, most: int = MOST_CLUSTERS,
+) -> tuple[tuple[Cluster, ...], int]:
+    """Clusters of new and of gone voxels, largest first, and how many smaller ones are left out.
+
+    epochs : name and observation of all epochs but the reference, in order of time; the last is the one of ``cloud``.
+
+    Beside what is new or gone in ``cloud``, these are things that only an earlier epoch saw: outside elements, not there in the
+    reference, and gone from the last.
+    """
+    groups: list[_Group] = []
+    for kind, code in KINDS:
+        rows = np.flatnonzero(cloud.state == code)
+        groups += _split(kind, cloud.index[rows], cloud.element[rows], cloud.planned[rows])
+    index = _came_and_went(world, [o for _, o in epochs], reference)
+    groups += _split("DISAPPEARED", index, np.full(len(index), -1, np.int32), np.zeros(len(index), np.bool_))
+    groups.sort(key=lambda g: (-len(g.index), g.index.min(axis=0).tolist(), g.index[0].tolist(), g.kind))
     start = model.triangle_start
     boxes = np.array([
         (lambda c: np.stack([c.min(axis=0), c.max(axis=0)]))(
@@ -115,27 +144,49 @@ def find_clusters(
         )
         for n in range(len(model.elements))
     ])
-    for kind, code in (("NEW", NEW), ("DISAPPEARED", DISAPPEARED)):
-        rows = np.flatnonzero(cloud.state == code)
-        group = connected(cloud.index[rows])
-        size = np.bincount(group, minlength=1)
-        order = np.argsort(group, kind="stable")
-        for root in np.flatnonzero(size >= LEAST_VOXELS):
-            a, b = np.searchsorted(group[order], [root, root + 1])
-            found.append(_describe(kind, rows[order[a:b]], model, grid, cloud, boxes, others))
-    return tuple(sorted(found, key=lambda c: (-c.voxels, c.center)))[:MOST_CLUSTERS]
+    found = tuple(_describe(g, model, world.grid, boxes, epochs, reference) for g in groups[:most])
+    return found, max(len(groups) - most, 0)
+
+
+def _split(
+    kind: Kind, index: NDArray[np.int64], owner: NDArray[np.int32], planned: NDArray[np.bool_]
+) -> Iterator[_Group]:
+    """The connected groups of voxels (N, 3) that are large enough."""
+    if not len(index):
+        return
+    group = connected(index)
+    order = np.argsort(group, kind="stable")
+    first = np.flatnonzero(np.diff(group[order], prepend=-1))
+    count = np.diff(first, append=len(order))
+    large = count >= LEAST_VOXELS
+    for begin, n in zip(first[large], count[large], strict=True):
+        rows = order[begin : begin + n]
+        yield _Group(kind, index[rows], owner[rows], planned[rows])
+
+
+def _came_and_went(
+    world: Universe, epochs: Sequence[Observation], reference: Observation | None
+) -> NDArray[np.int64]:
+    """(N, 3) voxels outside elements, occupied in an earlier epoch, empty in the last, and not occupied in the reference."""
+    stood = np.zeros(world.wanted.shape, np.bool_)
+    for epoch in epochs[:-1]:
+        stood |= epoch.state == OCCUPIED
+    stood &= (world.element < 0) & (epochs[-1].state == EMPTY)
+    if reference is not None:
+        stood &= (reference.state != OCCUPIED) & (reference.state != NEAR)
+    row, cell = np.nonzero(stood)
+    return voxel_index(world.table.keys[row], cell)
 
 
 def _describe(
-    kind: str, rows: NDArray[np.int64], model: BuildingModel, grid: VoxelGrid, cloud: VoxelCloud,
-    boxes: NDArray[np.float64], others: Sequence[Observation],
+    group: _Group, model: BuildingModel, grid: VoxelGrid, boxes: NDArray[np.float64],
+    epochs: Sequence[tuple[str, Observation]], reference: Observation | None,
 ) -> Cluster:
-    index = cloud.index[rows]
+    index, owner = group.index, group.owner
     low = grid.centers(index.min(axis=0)) - grid.edge / 2
     high = grid.centers(index.max(axis=0)) + grid.edge / 2
     middle = (low + high) / 2
-    owner = cloud.element[rows]
-    inside = cloud.planned[rows].mean() > 0.5
+    inside = bool(group.planned.mean() > 0.5)
     if (owner >= 0).mean() > 0.5:
         nearest = int(np.bincount(owner[owner >= 0]).argmax())
         distance = 0.0
@@ -144,22 +195,43 @@ def _describe(
         nearest = int(np.lexsort((np.linalg.norm(boxes.mean(axis=1) - middle, axis=1), gap))[0])
         distance = float(gap[nearest])
     center = middle + model.origin
+    shares = [_shares(index, o) for _, o in epochs]
+    answers = [None if there + empty < SEEN_SHARE else there > empty for there, empty in shares]
+    loose = group.kind == "DISAPPEARED" and not inside  # of two things at one place, neither may fill it
+    names = [
+        name for (name, _), (there, empty) in zip(epochs, shares, strict=True) if there > (PART_SHARE if loose else empty)
+    ]
+    if reference is not None and np.subtract(*_shares(index, reference)) > 0:
+        names.insert(0, "reference")
+    size = high - low
     return Cluster(
-        kind, len(rows), len(rows) * grid.edge**3, (float(center[0]), float(center[1]), float(center[2])),  # type: ignore[arg-type]
-        tuple(float(v) for v in high - low), model.elements[nearest].global_id, distance, bool(inside),  # type: ignore[arg-type]
-        _persistence(index, others),
+        group.kind, len(index), len(index) * grid.edge**3, (float(center[0]), float(center[1]), float(center[2])),
+        (float(size[0]), float(size[1]), float(size[2])), model.elements[nearest].global_id, distance, inside,
+        persistence(group.kind, inside, answers), tuple(names),
     )
 
 
-def _persistence(index: NDArray[np.int64], others: Sequence[Observation]) -> Persistence:
+def _shares(index: NDArray[np.int64], epoch: Observation) -> tuple[float, float]:
+    """Shares of voxels (N, 3) that an epoch saw occupied, and empty."""
     key, cell = keys_of(index)
-    answers = []
-    for epoch in others:
-        row = epoch.table.rows(key)
-        state = np.where(row >= 0, epoch.state[row, cell], 0)
-        there, empty = np.mean((state == OCCUPIED) | (state == NEAR)), np.mean(state == EMPTY)
-        if there + empty >= SEEN_SHARE:
-            answers.append(bool(there > empty))
-    if not answers:
+    row = epoch.table.rows(key)
+    state = np.where(row >= 0, epoch.state[row, cell], 0)
+    return float(np.mean((state == OCCUPIED) | (state == NEAR))), float(np.mean(state == EMPTY))
+
+
+def persistence(kind: Kind, inside: bool, answers: Sequence[bool | None]) -> Persistence:
+    """Whether a cluster lasts, from whether each epoch saw something there (None: not seen).
+
+    ``answers`` are those of all epochs but the reference, in order of time; the last is the one which the cluster is reported
+    for.
+    """
+    if kind == "DISAPPEARED" and not inside:
+        return "temporary"  # it stood once, is not planned, and is gone
+    same = [answer == (kind == "NEW") for answer in answers[:-1] if answer is not None]
+    if not same:
         return "unknown"
-    return "stays" if all(answers) else "temporary"
+    if same[-1]:
+        return "stays" if same == sorted(same) else "temporary"
+    if kind == "NEW" or any(same):
+        return "temporary"
+    return "unknown"  # only the last epoch saw a planned part gone

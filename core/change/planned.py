@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, datetime
 from typing import Any, Literal
+
+from .parts import DEEPEST
 
 Act = Literal["build", "demolish", ""]
 DEMOLITION = ("DEMOLITION", "REMOVAL", "DISMANTLE", "DISPOSAL")
@@ -25,6 +27,28 @@ class Planned:
     source: str = ""
     """task, phase, status, or empty when the model says nothing but that it exists."""
     temporary: bool = False
+    stages: tuple[Planned, ...] = ()
+    """What its dated tasks do, in order of time; tasks that follow each other and do the same are one stage."""
+    stated: Planned | None = None
+    """Of an element with dated tasks: what its phase or status says, where there is no day to hold the dates against."""
+
+    @property
+    def dated(self) -> bool:
+        return self.start is not None or self.finish is not None
+
+    @property
+    def begin(self) -> date:
+        return self.start or self.finish or date.min
+
+    def on(self, day: date | None) -> Planned:
+        """The plan that counts on a day: of the stage that began last, else of the first to come.
+
+        Without a day, what phase or status say counts; where they say nothing, the dates stay unused.
+        """
+        if day is None:
+            return self.stated if self.dated and self.stated else self
+        begun = [stage for stage in self.stages if stage.begin <= day]
+        return begun[-1] if begun else self.stages[0] if self.stages else self
 
 
 def read_planned(file: Any, elements: list[tuple[int, str]]) -> tuple[Planned, ...]:
@@ -49,14 +73,46 @@ def parse_date(text: str | None) -> date | None:
 def _planned(file: Any, step_id: int, global_id: str, tasks: dict[int, list[Planned]]) -> Planned:
     import ifcopenshell.util.element as util
 
-    if found := tasks.get(step_id):
-        # of several tasks the last to begin that is dated decides; a demolition comes after the building
-        return max(found, key=lambda p: (p.start or date.min, p.act == "demolish"))
     try:
         product = file.by_id(step_id)
     except RuntimeError:
         return Planned()
-    sets = util.get_psets(product, psets_only=True)
+    stated = _stated(util.get_psets(product, psets_only=True))
+    found = _tasks_of(product, tasks)
+    if not found:
+        return stated
+    if stages := _stages(found):
+        return replace(stages[-1], stages=stages, stated=stated if stated.source else None)
+    return max(found, key=lambda p: p.act == "demolish")  # a demolition comes after the building
+
+
+def _tasks_of(product: Any, tasks: dict[int, list[Planned]]) -> list[Planned]:
+    """Tasks of a product, else of the nearest whole that it is a part of and that has any (a stair, a curtain wall)."""
+    import ifcopenshell.util.element as util
+
+    whole = product
+    for _ in range(DEEPEST):
+        if whole is None or not whole.is_a("IfcElement"):
+            break
+        if found := tasks.get(whole.id()):
+            return found
+        whole = util.get_aggregate(whole)
+    return tasks.get(product.id(), [])
+
+
+def _stages(tasks: list[Planned]) -> tuple[Planned, ...]:
+    found: list[Planned] = []
+    for task in sorted((t for t in tasks if t.dated), key=lambda t: (t.begin, t.act == "demolish")):
+        if found and found[-1].act == task.act:
+            finish = max((d for d in (found[-1].finish, task.finish) if d), default=None)
+            found[-1] = replace(task, start=found[-1].start, finish=finish)
+        else:
+            found.append(task)
+    return tuple(found)
+
+
+def _stated(sets: dict[str, dict[str, Any]]) -> Planned:
+    """What the phase says, else the status in the common property set."""
     for name, properties in sets.items():
         if "phas" in name.lower():
             text = {k.lower(): str(v).lower() for k, v in properties.items() if v}
@@ -105,22 +161,21 @@ def _task(task: Any) -> Planned:
 
 def _dates(task: Any, depth: int = 0) -> tuple[date | None, date | None]:
     """Start and finish of a task, or of the nearest task above it that has them."""
-    time = getattr(task, "TaskTime", None)
-    if time is not None:
-        return parse_date(time.ScheduleStart), parse_date(time.ScheduleFinish)
-    for relation in getattr(task, "HasAssignments", None) or ():
-        control = getattr(relation, "TimeForTask", None)
-        if control is not None:
-            return _old_date(control.ScheduleStart), _old_date(control.ScheduleFinish)
+    controls = (getattr(r, "TimeForTask", None) for r in getattr(task, "HasAssignments", None) or ())  # IFC2X3
+    for time in (getattr(task, "TaskTime", None), *controls):
+        if time is not None:
+            start, finish = _date(time.ScheduleStart), _date(time.ScheduleFinish)
+            if start or finish:
+                return start, finish
     for relation in (*(getattr(task, "Nests", None) or ()), *(getattr(task, "Decomposes", None) or ())):
         above = relation.RelatingObject
-        if above is not None and above.is_a("IfcTask") and depth < 50:
+        if above is not None and above.is_a("IfcTask") and depth < DEEPEST:
             return _dates(above, depth + 1)
     return None, None
 
 
-def _old_date(value: Any) -> date | None:
-    """A date of IFC2X3, which is an entity."""
+def _date(value: Any) -> date | None:
+    """A date, which is an entity in IFC2X3."""
     if value is None or isinstance(value, str):
         return parse_date(value)
     day = getattr(value, "DateComponent", value)

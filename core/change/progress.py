@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from datetime import date
 
-from .look import Seen
 from .planned import Planned
 from .results import ElementChange, GroupProgress, Progressing, State
 
-STANDING: tuple[Seen, ...] = ("STANDS", "MOVED")
-
 
 def expected_state(plan: Planned, day: date | None) -> State:
-    """What the plan says of an element on that day, in the words of the observed states."""
+    """What the plan says of an element on that day, in the words of the observed states; UNKNOWN where dates lack a day."""
+    plan = plan.on(day)
+    if plan.dated and day is None:
+        return "UNKNOWN"
     if plan.act == "build":
         if plan.start and day and day < plan.start:
             return "DISAPPEARED"
@@ -29,31 +29,40 @@ def expected_state(plan: Planned, day: date | None) -> State:
     return "UNKNOWN" if plan.temporary else "CONFIRMED"
 
 
-def judge(plan: Planned, expected: State, seen: Seen) -> tuple[Progressing, bool | None]:
-    """Progress of an element, and whether what was seen agrees with the plan (None: not seen, or no plan)."""
-    if seen == "UNSEEN" or expected == "UNKNOWN":
+def judge(plan: Planned, expected: State, found: State) -> tuple[Progressing, bool | None]:
+    """Progress of an element, and whether what was found agrees with the plan (None: not decided, or no plan).
+
+    ``plan`` is the one that counts on the day (``Planned.on``). ``found`` is its state against the model: what left its
+    place, or moved partly off it, is not where it was planned.
+    """
+    if found == "UNKNOWN" or expected == "UNKNOWN":
         return "cannot tell", None
-    dated = plan.start is not None or plan.finish is not None
-    stands = seen in STANDING
+    stands, gone = found in ("CONFIRMED", "NEW"), found == "DISAPPEARED"
     if expected == "PARTIAL":
-        if plan.act == "build":
-            return ("late", False) if seen == "GONE" else ("on time", True)
-        return ("late", False) if stands else ("on time", True)
+        untouched = stands if plan.act == "demolish" else gone
+        return ("late", False) if untouched else ("on time", True)
     if plan.act == "demolish":
         if expected == "CONFIRMED":
             return ("on time", True) if stands else ("early", False)
-        return ("on time", True) if seen == "GONE" else ("should be gone", False)
+        return ("on time", True) if gone else ("should be gone", False)
     if expected == "DISAPPEARED":
-        return ("on time", True) if seen == "GONE" else ("early", False)
+        return ("on time", True) if gone else ("early", False)
     if stands:
         return "on time", True
-    return ("late" if dated else "not built"), False
+    return ("late" if plan.dated else "not built"), False
 
 
 def group_progress(
     elements: Sequence[ElementChange], plans: Sequence[Planned], weight: Sequence[float]
 ) -> tuple[GroupProgress, ...]:
-    """Percent complete per storey, class and task; ``weight`` is each element's planned volume (or what stands for it)."""
+    """Percent complete per storey, class and task.
+
+    elements : as found against the model, whatever the reference is, since the plan tells what is to stand.
+    weight : each element's planned volume (or what stands for it).
+
+    Complete is the share of the work that is done: what stands of elements to be built or to be left, what is gone of
+    elements to be demolished. Temporary elements are no part of it.
+    """
     found: list[GroupProgress] = []
     kinds: tuple[tuple[str, Callable[[int], str]], ...] = (
         ("storey", lambda n: elements[n].storey or "(no storey)"),
@@ -63,33 +72,40 @@ def group_progress(
     for kind, key in kinds:
         groups: dict[str, list[int]] = {}
         for n in range(len(elements)):
-            if name := key(n):
+            if not plans[n].temporary and (name := key(n)):
                 groups.setdefault(name, []).append(n)
-        found += [_group(kind, name, rows, elements, weight) for name, rows in sorted(groups.items())]
+        found += [_group(kind, name, rows, elements, plans, weight) for name, rows in sorted(groups.items())]
     return tuple(found)
 
 
 def _group(
-    kind: str, name: str, rows: list[int], elements: Sequence[ElementChange], weight: Sequence[float]
+    kind: str, name: str, rows: list[int], elements: Sequence[ElementChange], plans: Sequence[Planned],
+    weight: Sequence[float],
 ) -> GroupProgress:
     total = sum(weight[n] for n in rows)
-    seen = built = due = 0.0
+    seen = done = known = due = 0.0
     for n in rows:
         e = elements[n]
-        if e.state == "UNKNOWN" and e.progress == "cannot tell":
+        if e.state == "UNKNOWN":
             continue
-        share = {"CONFIRMED": 1.0, "NEW": 1.0, "DISAPPEARED": 0.0, "UNKNOWN": 0.0}.get(
-            e.state, _built_share(e)
-        )
         seen += weight[n]
-        built += weight[n] * share
-        due += weight[n] * {"DISAPPEARED": 0.0, "PARTIAL": 0.5}.get(e.expected, 1.0)
+        done += weight[n] * _done(_standing(e), plans[n])
+        if e.expected != "UNKNOWN":
+            known += weight[n]
+            due += weight[n] * _done({"DISAPPEARED": 0.0, "PARTIAL": 0.5}.get(e.expected, 1.0), plans[n])
     return GroupProgress(
-        kind, name, len(rows), built / seen if seen > 0 else None, due / seen if seen > 0 else None,  # type: ignore[arg-type]
+        kind, name, len(rows), done / seen if seen > 0 else None, due / known if known > 0 else None,  # type: ignore[arg-type]
         1.0 - seen / total if total > 0 else 1.0,
     )
 
 
-def _built_share(e: ElementChange) -> float:
+def _done(standing: float, plan: Planned) -> float:
+    """Share of the work on an element that is done when this share of it stands."""
+    return 1.0 - standing if plan.act == "demolish" else standing
+
+
+def _standing(e: ElementChange) -> float:
+    if e.state != "PARTIAL":
+        return 0.0 if e.state == "DISAPPEARED" else 1.0
     known = e.confirmed_ratio + e.new_ratio + e.disappeared_ratio
     return (e.confirmed_ratio + e.new_ratio) / known if known > 0 else 0.5

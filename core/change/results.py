@@ -47,7 +47,7 @@ class ElementChange:
     """Metres from the planned place (from the reference epoch's, where there is one); None where nothing fixes it."""
     expected: State
     agrees: bool | None
-    """Whether what stands now is what was expected; None when it was not seen."""
+    """Whether what stands now is what was expected; None when that was not decided, or nothing was expected."""
     progress: Progressing
     reason: str
     moved: bool = False
@@ -71,7 +71,9 @@ class Cluster:
     inside: bool
     """Most of it lies in planned solids."""
     persistence: Persistence
-    """Whether the other epochs saw it too."""
+    """Whether it lasts, as far as the other epochs but the reference tell: see ``clusters.persistence``."""
+    epochs: tuple[str, ...] = ()
+    """Names of the epochs that saw something there."""
 
 
 @dataclass(frozen=True)
@@ -100,9 +102,9 @@ class GroupProgress:
     name: str
     elements: int
     complete: float | None
-    """Of what was observed; None when nothing was."""
+    """Work done (built, left, or demolished, as planned), of what was observed; None when nothing was."""
     planned: float | None
-    """What should stand at the scan's date, of what was observed."""
+    """Work that should be done at the scan's date, of what was observed and has a plan; None when nothing has."""
     not_observed: float
 
 
@@ -121,6 +123,7 @@ class ChangeResult:
     reference: EpochRecord | None
     planned: tuple[Planned, ...]
     clusters: tuple[Cluster, ...]
+    """Largest first; a warning says how many smaller ones are left out, if any are."""
     groups: tuple[GroupProgress, ...]
     voxels: VoxelCloud
     anchor: tuple[float, float, float]

@@ -16,7 +16,7 @@ from ... import __version__
 from ..change.amounts import Absent, Amount, amounts
 from ..change.closing import close_gone
 from ..change.clusters import find_clusters
-from ..change.decide import element_state, partly_gone, ratios
+from ..change.decide import element_state, ratios
 from ..change.look import EpochSight, look_at_elements, sensor_model
 from ..change.parts import Parts, read_parts
 from ..change.planned import Planned, parse_date, read_planned
@@ -84,6 +84,11 @@ def change(
             store = stack.enter_context(
                 ReturnStore(source, options.memory_gb * 0.5 / len(campaigns), part.part(0.0, 0.3))
             )
+            if not any(store.count(s) for s in range(len(store.stations))):
+                raise BimVerifyError(
+                    f"The scans of the {name} ({', '.join(Path(p).name for p in source.paths)}) hold no return; leave them "
+                    "out, or export them again."
+                )
             stations = StationIndexes(store, model.origin)
             sight = look_at_elements(
                 model, samples, scene, stations, sigma=options.sigma, edge=edge,
@@ -136,8 +141,10 @@ def _compare(
 ) -> ChangeResult:
     edge = solids.grid.edge
     now, before = views[-1], views[0] if has_reference else None
-    state = _states(world, seen[-1], seen[0] if has_reference else None)
     day = parse_date(options.date or now.date)
+    undated = day is None and any(p.dated for p in plans)
+    plans = tuple(p.on(day) for p in plans)
+    state = _states(world, seen[-1], seen[0] if before else None)
     first: Absent | None = None
     alone = []
     for view, epoch in zip(views, seen, strict=True):
@@ -145,17 +152,21 @@ def _compare(
         found = amounts(world, gone, None, epoch, len(model.elements))
         alone.append(_elements(model, solids, found, view.sight, None, plans, day))
         first = gone if view is before else first
-    elements = planned_now = alone[-1]
+    elements = planned_now = alone[-1]  # against the model: what the plan is compared with
     if before is not None:
         both = amounts(world, gone, first, seen[-1], len(model.elements))
         elements = tuple(
-            replace(e, agrees=p.agrees, progress=p.progress)  # these follow what stands now
+            replace(e, expected=p.expected, agrees=p.agrees, progress=p.progress)
             for e, p in zip(_elements(model, solids, both, now.sight, before.sight, plans, day), planned_now, strict=True)
         )
     anything = np.zeros(state.shape, np.bool_)
     for epoch in seen:
         anything |= epoch.state != UNSEEN
     cloud = voxel_cloud(world, state, anything, gone.cells)
+    named = [(v.name, o) for v, o in zip(views, seen, strict=True)]
+    clusters, left_out = find_clusters(
+        model, world, cloud, named[1:] if has_reference else named, seen[0] if has_reference else None
+    )
     anchor = solids.grid.anchor + model.origin
     weight = [e.volume or 1e-3 for e in elements]
     records = [
@@ -166,14 +177,14 @@ def _compare(
     return ChangeResult(
         model=model, options=options, edge=edge, elements=elements,
         epochs=tuple(records[1:] if has_reference else records), reference=records[0] if has_reference else None,
-        planned=plans, clusters=find_clusters(model, solids.grid, cloud, seen[:-1]),
+        planned=plans, clusters=clusters,
         groups=group_progress(planned_now, plans, weight), voxels=cloud,
         anchor=(float(anchor[0]), float(anchor[1]), float(anchor[2])),
         remaining=tuple(
             n for n, e in enumerate(planned_now) if e.state == "PARTIAL" and not e.moved and e.disappeared_ratio > 0
         ),
         method=f"bim_verify {__version__} occupancy", timings=watch.seconds,
-        warnings=tuple(_warnings(model, edge, options, views, plans, day)),
+        warnings=tuple(_warnings(model, edge, options, views, undated, left_out)),
     )
 
 
@@ -197,10 +208,7 @@ def _elements(
         shares = ratios(decision, found[row], mine, then)
         volume = float(solids.volume[row])
         expected = expected_state(plans[row], day)
-        partial = mine.seen == "STANDS" and partly_gone(model, row, amount.deep)
-        progress, agrees = judge(plans[row], expected, "PART" if partial else mine.seen)
-        if agrees and what in ("PARTIAL", "DISAPPEARED") and expected in ("CONFIRMED", "NEW"):
-            agrees = False
+        progress, agrees = judge(plans[row], expected, what)
         changes.append(ElementChange(
             element.global_id, element.ifc_class, element.name, element.storey, what, *shares, volume,
             disappeared_volume=shares[1] * volume, built_volume=(shares[0] + shares[2]) * volume,
@@ -238,8 +246,7 @@ def _record(model: BuildingModel, view: _View) -> EpochRecord:
 
 
 def _warnings(
-    model: BuildingModel, edge: float, options: ChangeOptions, views: list[_View], plans: tuple[Planned, ...],
-    day: date | None,
+    model: BuildingModel, edge: float, options: ChangeOptions, views: list[_View], undated: bool, left_out: int
 ) -> Iterator[str]:
     if edge > options.voxel:
         yield (
@@ -260,6 +267,8 @@ def _warnings(
                 f"The {view.name} is sparse: {share:.0%} of its occupied voxels have fewer than {options.min_points} returns, "
                 "and count because a surface there sends no more back."
             )
-    if day is None and any(p.start or p.finish for p in plans):
+    if undated:
         yield "The scans give no date, so dates of tasks were not used; give one with --date."
+    if left_out:
+        yield f"{left_out:,} smaller groups of new or gone voxels are not listed."
     yield from model.skipped

@@ -6,7 +6,7 @@ import base64
 from pathlib import Path
 from typing import Any
 
-from ..change.results import PROGRESS, STATES, ChangeResult, Persistence, State
+from ..change.results import PROGRESS, STATES, ChangeResult, State
 from ..files import make_folder, whole_file
 from ..progress import Progress
 from ..sensing.loa import label, supported_level, worst_voxel_shift
@@ -19,7 +19,6 @@ from .page_frame import PAGE, policy_hash, source, templates
 SIGNS: dict[State, str] = {"CONFIRMED": "✓", "NEW": "+", "DISAPPEARED": "✕", "PARTIAL": "◐", "UNKNOWN": "?"}
 ORDER: tuple[State, ...] = ("DISAPPEARED", "NEW", "PARTIAL", "UNKNOWN", "CONFIRMED")
 MOST_CLUSTERS = 40
-ELSEWHERE: dict[Persistence, str] = {"stays": "there", "temporary": "not there", "unknown": "not seen"}
 
 
 def write_change_report(folder: str | Path, result: ChangeResult, *, progress: Progress | None = None) -> Path:
@@ -70,7 +69,6 @@ def render_change_page(result: ChangeResult) -> str:
         series_counts=[[sum(v == s for v in epoch.states) for s in STATES] for epoch in series],
         clusters=result.clusters[:MOST_CLUSTERS],
         cluster_total=len(result.clusters),
-        elsewhere=ELSEWHERE,
         by_id={e.global_id: e for e in result.elements},
         progress=[(p, sum(e.progress == p for e in result.elements)) for p in PROGRESS],
         has_plan=any(p.act or p.source for p in result.planned),

@@ -7,10 +7,15 @@ from pathlib import Path
 
 import ifcopenshell
 import ifcopenshell.util.element
+import numpy as np
 import pytest
 
+from bim_verify.core.model.load import load_model
+from bim_verify.core.simulation.campaign import Campaign, set_up, write_campaign
+from bim_verify.core.simulation.scene import Prop
+
 from ..core.templates import check_templates
-from .test_cli import data, left, place, run, says_one_sentence  # noqa: F401
+from .test_cli import SCANNER, STAND, data, left, place, run, says_one_sentence  # noqa: F401
 
 PROPERTIES = {
     "State", "ConfirmedRatio", "DisappearedRatio", "NewRatio", "UnknownRatio", "DisappearedVolume", "BuiltVolume",
@@ -37,6 +42,48 @@ def test_change_writes_everything_that_was_asked_for(data: Path, place: Path) ->
         assert properties["State"] == change["state"] in ("CONFIRMED", "UNKNOWN")
         assert properties["VoxelSize"] == pytest.approx(50.0)  # the file is in millimetres
         assert properties["BuiltVolume"] == pytest.approx(change["built_volume"], abs=1e-6)  # and cubic metres
+
+
+@pytest.fixture(scope="module")
+def half_south(data: Path) -> Path:  # noqa: F811
+    """A scan of the model with the east half of its south wall demolished, before a screen that beams end at."""
+    file = ifcopenshell.open(str(data / "model.ifc"))
+    profile = next(
+        item.SweptArea
+        for wall in file.by_type("IfcWall") if wall.Name == "South"
+        for shape in wall.Representation.Representations for item in shape.Items
+    )
+    profile.XDim = 2000.0
+    profile.Position.Location.Coordinates = (1000.0, 100.0)
+    (folder := data / "half").mkdir()
+    file.write(str(folder / "half.ifc"))
+    model = load_model(folder / "half.ifc", cache=False, threads=1)
+    screen = Prop("screen", "box", tuple((np.array([2.0, -1.0, 1.25]) - model.origin).tolist()), (8.0, 0.1, 6.0))
+    write_campaign(Campaign(model, SCANNER, (set_up("S", STAND - model.origin, 1, 0),), {}, (screen,), 1), folder)
+    return folder / "scan.e57"
+
+
+def test_what_is_left_of_a_demolished_wall_is_written(data: Path, half_south: Path, place: Path) -> None:  # noqa: F811
+    left_over = place / "out" / "left"
+    done = run(
+        place, "change", data / "model.ifc", "--epoch", half_south, "--out", "changed.ifc", "--voxel-mm", 50, "--json",
+        "change.json", "--remaining", left_over, "--quiet",
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Remaining shapes of 1 elements" in done.stdout
+    found = json.loads((place / "change.json").read_text())
+    row = [c["name"] for c in found["changes"]].index("South")
+    assert found["changes"][row]["state"] == "PARTIAL"
+    (path,) = left_over.iterdir()
+    assert path.name == f"{found['elements'][row]}.obj"
+    lines = [line.split() for line in path.read_text().splitlines()]
+    vertices = np.array([line[1:] for line in lines if line[0] == "v"], dtype=np.float64)
+    faces = np.array([line[1:] for line in lines if line[0] == "f"], dtype=np.int64) - 1
+    assert np.allclose(vertices.min(axis=0), [0.0, 0.0, 0.0], atol=0.06)
+    assert np.allclose(vertices.max(axis=0), [2.0, 0.2, 2.5], atol=0.11)
+    corner = vertices[faces]
+    cross = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1]) / 2
+    assert np.einsum("ij,ij->", corner.mean(axis=1), cross) / 3 == pytest.approx(1.0, rel=0.15)
 
 
 @pytest.mark.parametrize(

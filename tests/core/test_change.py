@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import dataclasses
 import io
-from datetime import date
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,9 +18,7 @@ from bim_verify.core.change.decide import Decision, element_state, partly_gone, 
 from bim_verify.core.change.look import ElementSight
 from bim_verify.core.change.overlap import overlap
 from bim_verify.core.change.own_evidence import clearly_inside, shows_gone, shows_standing
-from bim_verify.core.change.planned import Planned, parse_date
-from bim_verify.core.change.progress import expected_state, judge
-from bim_verify.core.change.results import ChangeResult, ElementChange
+from bim_verify.core.change.results import STATES, ChangeResult, ElementChange
 from bim_verify.core.change.shared_surface import find_shared
 from bim_verify.core.change.solids import mesh_volumes, voxelise
 from bim_verify.core.errors import BimVerifyError
@@ -35,7 +32,9 @@ from bim_verify.core.options import ChangeOptions
 from bim_verify.core.report.change_files import change_to_json, changes_csv, remaining_mesh, write_voxels
 from bim_verify.core.report.change_page import render_change_page
 from bim_verify.core.report.change_views import voxel_views
+from bim_verify.core.scans.campaign import Station
 from bim_verify.core.sensing.loa import supported_level
+from bim_verify.core.simulation.box_building import ArraySource
 from bim_verify.core.simulation.scene import Prop
 
 from .verify_data import PLAN, REMOVED, built, house, scan, shifted
@@ -89,6 +88,20 @@ def test_states_against_a_reference_epoch() -> None:
     assert states["column"] == "DISAPPEARED"
     assert states["partition"] == "PARTIAL"
     assert states["south"] == "CONFIRMED" and states["buried"] == "UNKNOWN"
+
+
+def test_what_left_its_place_or_lost_a_part_is_not_built_as_planned() -> None:
+    again = change(house(), [after()], after(), OPTIONS)  # no change, but the plan is still not met
+    assert by_name(again)["partition"].state != "DISAPPEARED"
+    for result in (against_model(), against_reference(), again):
+        found = by_name(result)
+        for name in ("plate", "east", "partition", "column"):
+            assert (found[name].progress, found[name].agrees) == ("not built", False), name
+        assert (found["south"].progress, found["south"].agrees) == ("on time", True)
+        assert (found["buried"].progress, found["buried"].agrees) == ("cannot tell", None)
+        kinds = {g.name: g for g in result.groups}
+        assert kinds["IfcPlate"].complete == 0.0 and kinds["IfcPlate"].planned == 1.0
+        assert 0.7 < kinds["IfcWall"].complete < 0.95
 
 
 def test_ratios_add_up_and_follow_the_state() -> None:
@@ -326,59 +339,6 @@ def test_overlap_along_a_shift() -> None:
     assert overlap(model, row, np.array([0.3, 0.0, 0.0])) == 0.0
 
 
-@pytest.mark.parametrize(
-    ("plan", "day", "seen", "state", "progress"),
-    [
-        (Planned(), None, "STANDS", "CONFIRMED", "on time"),
-        (Planned(), None, "GONE", "CONFIRMED", "not built"),
-        (Planned(), None, "UNSEEN", "CONFIRMED", "cannot tell"),
-        (Planned(), None, "PART", "CONFIRMED", "not built"),
-        (Planned("build", date(2024, 5, 1), date(2024, 5, 10)), date(2024, 5, 20), "PART", "NEW", "late"),
-        (Planned("build", date(2024, 5, 1), date(2024, 5, 10)), date(2024, 5, 20), "GONE", "NEW", "late"),
-        (Planned("build", date(2024, 5, 1), date(2024, 5, 10)), date(2024, 5, 20), "STANDS", "NEW", "on time"),
-        (Planned("build", date(2024, 6, 1), date(2024, 6, 9)), date(2024, 5, 20), "STANDS", "DISAPPEARED", "early"),
-        (Planned("build", date(2024, 6, 1), date(2024, 6, 9)), date(2024, 5, 20), "GONE", "DISAPPEARED", "on time"),
-        (Planned("demolish", date(2024, 5, 1), date(2024, 5, 2)), date(2024, 5, 20), "STANDS", "DISAPPEARED", "should be gone"),
-        (Planned("demolish", date(2024, 6, 1), date(2024, 6, 2)), date(2024, 5, 20), "GONE", "CONFIRMED", "early"),
-        (Planned("build", date(2024, 5, 1), date(2024, 6, 2)), date(2024, 5, 20), "PART", "PARTIAL", "on time"),
-    ],
-)  # fmt: skip
-def test_observed_against_planned(plan: Planned, day: date | None, seen: Any, state: str, progress: str) -> None:
-    expected = expected_state(plan, day)
-    assert expected == state
-    assert judge(plan, expected, seen)[0] == progress
-
-
-def test_dates_are_read_from_tasks(tmp_path: Path) -> None:
-    import ifcopenshell
-    import ifcopenshell.guid
-
-    from bim_verify.core.change.planned import read_planned
-
-    file = ifcopenshell.file(schema="IFC4")
-    walls = [file.create_entity("IfcWall", ifcopenshell.guid.new(), Name=n) for n in "abc"]
-    time = file.create_entity("IfcTaskTime", ScheduleStart="2024-03-01T08:00:00", ScheduleFinish="2024-03-05T17:00:00")
-    parent = file.create_entity("IfcTask", ifcopenshell.guid.new(), Name="Walls", IsMilestone=False, TaskTime=time)
-    child = file.create_entity(
-        "IfcTask", ifcopenshell.guid.new(), Name="Wall a", IsMilestone=False, PredefinedType="DEMOLITION"
-    )
-    file.create_entity("IfcRelNests", ifcopenshell.guid.new(), RelatingObject=parent, RelatedObjects=[child])
-    file.create_entity(
-        "IfcRelAssignsToProcess", ifcopenshell.guid.new(), RelatedObjects=[walls[0]], RelatingProcess=child
-    )
-    word = file.create_entity("IfcLabel", "DEMOLISH")
-    value = file.create_entity("IfcPropertyEnumeratedValue", "Status", EnumerationValues=[word])
-    common = file.create_entity("IfcPropertySet", ifcopenshell.guid.new(), Name="Pset_WallCommon", HasProperties=[value])
-    file.create_entity(
-        "IfcRelDefinesByProperties", ifcopenshell.guid.new(), RelatedObjects=[walls[1]], RelatingPropertyDefinition=common
-    )
-    a, b, c = read_planned(file, [(w.id(), w.GlobalId) for w in walls])
-    assert (a.act, a.start, a.finish, a.task) == ("demolish", date(2024, 3, 1), date(2024, 3, 5), "Wall a")
-    assert (b.act, b.source) == ("demolish", "status")
-    assert c == Planned()
-    assert parse_date("not a date") is None
-
-
 def test_voxel_size_against_accuracy() -> None:
     assert supported_level(0.01) == 30 and supported_level(0.01, relative=True) == 20
     assert supported_level(0.005) == 40 and supported_level(0.5) is None
@@ -398,6 +358,9 @@ def test_outputs_hold_what_was_found(tmp_path: Path) -> None:
     assert (vertex["red"][gone] > vertex["green"][gone]).all()
     data = change_to_json(result)
     assert data["elements"] == [e.global_id for e in result.elements]
+    described = (Path(__file__).parents[2] / "docs" / "change.md").read_text(encoding="utf-8")
+    for key in (*data, *data["summary"], *data["changes"][0], *data["epochs"][0], *data["clusters"][0], *data["progress"][0]):
+        assert f"`{key}`" in described or key in STATES, key
     lines = changes_csv(result).decode("utf-8-sig").splitlines()
     assert len(lines) == len(PLAN) + 1
     page = render_change_page(result)
@@ -427,3 +390,12 @@ def test_names_are_escaped_in_the_report() -> None:
 def test_scans_elsewhere_are_refused() -> None:
     with pytest.raises(BimVerifyError, match="comes near the model"):
         change(house(), [scan(built({}), origin=np.array([900.0, 0.0, 0.0]))], None, OPTIONS)
+
+
+def test_scans_without_returns_are_refused() -> None:
+    nothing = ArraySource((Station("S0", np.array([2.4, 1.9, 1.5])),), (np.zeros((0, 3), np.float32),), ("empty.e57",))
+    for empty in (nothing, ArraySource((), (), ("empty.e57",))):
+        with pytest.raises(BimVerifyError, match=r"The scans of the epoch \(empty.e57\) hold no return"):
+            change(house(), [empty], None, OPTIONS)
+    with pytest.raises(BimVerifyError, match="The scans of the reference"):
+        change(house(), [before()], nothing, OPTIONS)

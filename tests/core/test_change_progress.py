@@ -1,0 +1,241 @@
+"""What the plan says of a day, how far the work has come, and whether what stands agrees with it."""
+
+from __future__ import annotations
+
+import dataclasses
+from datetime import date
+
+import ifcopenshell
+import ifcopenshell.guid
+import pytest
+
+from bim_verify.core.change.planned import Planned, parse_date, read_planned
+from bim_verify.core.change.progress import expected_state, group_progress, judge
+from bim_verify.core.change.results import ElementChange, GroupProgress, State
+
+DAY = date(2024, 6, 1)
+DEMOLISH = Planned("demolish", date(2024, 1, 1), date(2024, 2, 1), "Demolish walls", "task")
+
+
+@pytest.mark.parametrize(
+    ("plan", "day", "found", "state", "progress"),
+    [
+        (Planned(), None, "CONFIRMED", "CONFIRMED", "on time"),
+        (Planned(), None, "DISAPPEARED", "CONFIRMED", "not built"),
+        (Planned(), None, "UNKNOWN", "CONFIRMED", "cannot tell"),
+        (Planned(), None, "PARTIAL", "CONFIRMED", "not built"),
+        (Planned("build", date(2024, 5, 1), date(2024, 5, 10)), date(2024, 5, 20), "PARTIAL", "NEW", "late"),
+        (Planned("build", date(2024, 5, 1), date(2024, 5, 10)), date(2024, 5, 20), "DISAPPEARED", "NEW", "late"),
+        (Planned("build", date(2024, 5, 1), date(2024, 5, 10)), date(2024, 5, 20), "CONFIRMED", "NEW", "on time"),
+        (Planned("build", date(2024, 6, 1), date(2024, 6, 9)), date(2024, 5, 20), "CONFIRMED", "DISAPPEARED", "early"),
+        (Planned("build", date(2024, 6, 1), date(2024, 6, 9)), date(2024, 5, 20), "DISAPPEARED", "DISAPPEARED", "on time"),
+        (Planned("demolish", date(2024, 5, 1), date(2024, 5, 2)), DAY, "CONFIRMED", "DISAPPEARED", "should be gone"),
+        (Planned("demolish", date(2024, 6, 1), date(2024, 6, 2)), date(2024, 5, 20), "DISAPPEARED", "CONFIRMED", "early"),
+        (Planned("build", date(2024, 5, 1), date(2024, 6, 2)), date(2024, 5, 20), "PARTIAL", "PARTIAL", "on time"),
+    ],
+)  # fmt: skip
+def test_observed_against_planned(plan: Planned, day: date | None, found: State, state: str, progress: str) -> None:
+    expected = expected_state(plan, day)
+    assert expected == state
+    assert judge(plan, expected, found)[0] == progress
+
+
+def test_dates_are_read_from_tasks() -> None:
+    file = ifcopenshell.file(schema="IFC4")
+    walls = [file.create_entity("IfcWall", ifcopenshell.guid.new(), Name=n) for n in "abc"]
+    time = file.create_entity("IfcTaskTime", ScheduleStart="2024-03-01T08:00:00", ScheduleFinish="2024-03-05T17:00:00")
+    parent = file.create_entity("IfcTask", ifcopenshell.guid.new(), Name="Walls", IsMilestone=False, TaskTime=time)
+    child = file.create_entity(
+        "IfcTask", ifcopenshell.guid.new(), Name="Wall a", IsMilestone=False, PredefinedType="DEMOLITION"
+    )
+    file.create_entity("IfcRelNests", ifcopenshell.guid.new(), RelatingObject=parent, RelatedObjects=[child])
+    file.create_entity(
+        "IfcRelAssignsToProcess", ifcopenshell.guid.new(), RelatedObjects=[walls[0]], RelatingProcess=child
+    )
+    word = file.create_entity("IfcLabel", "DEMOLISH")
+    value = file.create_entity("IfcPropertyEnumeratedValue", "Status", EnumerationValues=[word])
+    common = file.create_entity("IfcPropertySet", ifcopenshell.guid.new(), Name="Pset_WallCommon", HasProperties=[value])
+    file.create_entity(
+        "IfcRelDefinesByProperties", ifcopenshell.guid.new(), RelatedObjects=[walls[1]], RelatingPropertyDefinition=common
+    )
+    a, b, c = read_planned(file, [(w.id(), w.GlobalId) for w in walls])
+    assert (a.act, a.start, a.finish, a.task) == ("demolish", date(2024, 3, 1), date(2024, 3, 5), "Wall a")
+    assert (b.act, b.source) == ("demolish", "status")
+    assert c == Planned()
+    assert parse_date("not a date") is None
+
+
+def an_element(state: State, plan: Planned, day: date | None = DAY, gone: float = 0.0) -> ElementChange:
+    expected = expected_state(plan, day)
+    progress, agrees = judge(plan, expected, state)
+    return ElementChange(
+        "g", "IfcWall", "w", "Ground", state, 1.0 - gone, gone, 0.0, 0.0, 1.0, gone, 1.0 - gone, None, expected, agrees,
+        progress, "",
+    )
+
+
+def groups(*rows: tuple[ElementChange, Planned, float]) -> dict[tuple[str, str], GroupProgress]:
+    found = group_progress([r[0] for r in rows], [r[1] for r in rows], [r[2] for r in rows])
+    return {(g.kind, g.name): g for g in found}
+
+
+@pytest.mark.parametrize(
+    ("state", "gone", "complete"), [("DISAPPEARED", 1.0, 1.0), ("CONFIRMED", 0.0, 0.0), ("PARTIAL", 0.3, 0.3)]
+)
+def test_demolition_is_complete_when_the_element_is_gone(state: State, gone: float, complete: float) -> None:
+    found = groups((an_element(state, DEMOLISH, gone=gone), DEMOLISH, 2.0))
+    assert set(found) == {("storey", "Ground"), ("class", "IfcWall"), ("task", "Demolish walls")}
+    for group in found.values():
+        assert group.complete == pytest.approx(complete)
+        assert group.planned == 1.0 and group.not_observed == 0.0 and group.elements == 1
+
+
+def test_demolition_that_is_to_come_is_no_work_due() -> None:
+    early = date(2023, 12, 1)
+    group = groups((an_element("CONFIRMED", DEMOLISH, early), DEMOLISH, 1.0))["task", "Demolish walls"]
+    assert (group.complete, group.planned) == (0.0, 0.0)
+    during = groups((an_element("CONFIRMED", DEMOLISH, date(2024, 1, 15)), DEMOLISH, 1.0))["task", "Demolish walls"]
+    assert (during.complete, during.planned) == (0.0, 0.5)
+
+
+def test_work_is_weighed_by_volume_and_what_was_not_observed_stands_beside() -> None:
+    build = Planned("build", date(2024, 1, 1), date(2024, 2, 1), "Build", "task")
+    later = Planned("build", date(2025, 1, 1), date(2025, 2, 1), "Later", "task")
+    scaffold = Planned(source="status", temporary=True)
+    found = groups(
+        (an_element("CONFIRMED", build), build, 3.0),
+        (an_element("DISAPPEARED", build), build, 1.0),
+        (an_element("UNKNOWN", build), build, 4.0),
+        (an_element("DISAPPEARED", later), later, 4.0),
+        (an_element("DISAPPEARED", DEMOLISH), DEMOLISH, 2.0),
+        (an_element("DISAPPEARED", scaffold), scaffold, 9.0),
+    )
+    task = found["task", "Build"]
+    assert (task.complete, task.planned, task.not_observed) == (0.75, 1.0, 0.5)
+    assert (found["task", "Later"].complete, found["task", "Later"].planned) == (0.0, 0.0)
+    storey = found["storey", "Ground"]
+    assert storey.complete == pytest.approx(5 / 10) and storey.planned == pytest.approx(6 / 10)
+    assert storey.not_observed == pytest.approx(4 / 14) and storey.elements == 5
+
+
+def test_nothing_observed_has_no_share() -> None:
+    group = groups((an_element("UNKNOWN", Planned()), Planned(), 1.0))["class", "IfcWall"]
+    assert (group.complete, group.planned, group.not_observed) == (None, None, 1.0)
+
+
+BUILD_2030 = Planned("build", date(2030, 1, 1), date(2030, 2, 1), "Build", "task")
+DEMOLISH_2030 = Planned("demolish", date(2030, 1, 1), date(2030, 2, 1), "Demolish", "task")
+
+
+@pytest.mark.parametrize("plan", [BUILD_2030, DEMOLISH_2030])
+@pytest.mark.parametrize("state", ["CONFIRMED", "DISAPPEARED", "PARTIAL"])
+def test_dates_tell_nothing_without_a_day(plan: Planned, state: State) -> None:
+    now = plan.on(None)
+    found = an_element(state, now, None)
+    assert (found.expected, found.progress, found.agrees) == ("UNKNOWN", "cannot tell", None)
+    assert groups((found, now, 1.0))["task", plan.task].planned is None
+
+
+def test_without_a_day_the_status_counts() -> None:
+    stated = Planned("demolish", source="status")
+    now = dataclasses.replace(DEMOLISH_2030, stages=(DEMOLISH_2030,), stated=stated).on(None)
+    assert now == stated
+    assert judge(now, expected_state(now, None), "CONFIRMED") == ("should be gone", False)
+
+
+class Schedule:
+    """A file with tasks."""
+
+    def __init__(self) -> None:
+        self.file = ifcopenshell.file(schema="IFC4")
+
+    def add(self, kind: str) -> ifcopenshell.entity_instance:
+        return self.file.create_entity(kind, ifcopenshell.guid.new())
+
+    def task(
+        self, name: str, *products: ifcopenshell.entity_instance, kind: str = "CONSTRUCTION", start: str | None = None,
+        finish: str | None = None, duration: str | None = None,
+    ) -> ifcopenshell.entity_instance:
+        time = self.file.create_entity(
+            "IfcTaskTime", ScheduleStart=start, ScheduleFinish=finish, ScheduleDuration=duration
+        )
+        task = self.file.create_entity(
+            "IfcTask", ifcopenshell.guid.new(), Name=name, IsMilestone=False, PredefinedType=kind, TaskTime=time
+        )
+        for product in products:
+            self.file.create_entity(
+                "IfcRelAssignsToProcess", ifcopenshell.guid.new(), RelatedObjects=[product], RelatingProcess=task
+            )
+        return task
+
+    def status(self, product: ifcopenshell.entity_instance, word: str) -> None:
+        value = self.file.create_entity(
+            "IfcPropertyEnumeratedValue", "Status", EnumerationValues=[self.file.create_entity("IfcLabel", word)]
+        )
+        common = self.file.create_entity(
+            "IfcPropertySet", ifcopenshell.guid.new(), Name="Pset_WallCommon", HasProperties=[value]
+        )
+        self.file.create_entity(
+            "IfcRelDefinesByProperties", ifcopenshell.guid.new(), RelatedObjects=[product],
+            RelatingPropertyDefinition=common,
+        )
+
+    def aggregate(self, whole: ifcopenshell.entity_instance, part: ifcopenshell.entity_instance) -> None:
+        self.file.create_entity("IfcRelAggregates", ifcopenshell.guid.new(), RelatingObject=whole, RelatedObjects=[part])
+
+    def plan(self, product: ifcopenshell.entity_instance) -> Planned:
+        return read_planned(self.file, [(product.id(), product.GlobalId)])[0]
+
+
+def test_a_task_time_without_dates_gives_way_to_the_task_above() -> None:
+    schedule = Schedule()
+    wall = schedule.add("IfcWall")
+    above = schedule.task("Above", start="2024-03-01", finish="2024-03-05")
+    child = schedule.task("Child", wall, duration="P3D")
+    schedule.file.create_entity("IfcRelNests", ifcopenshell.guid.new(), RelatingObject=above, RelatedObjects=[child])
+    plan = schedule.plan(wall)
+    assert (plan.task, plan.start, plan.finish) == ("Child", date(2024, 3, 1), date(2024, 3, 5))
+
+
+def test_an_element_that_is_built_and_later_demolished() -> None:
+    schedule = Schedule()
+    wall = schedule.add("IfcWall")
+    schedule.task("Remove", wall, kind="DEMOLITION", start="2025-05-01", finish="2025-05-05")
+    schedule.task("Formwork", wall, start="2024-05-01", finish="2024-05-05")
+    schedule.task("Concrete", wall, start="2024-05-08", finish="2024-05-12")
+    plan = schedule.plan(wall)
+    expected = {
+        day: expected_state(plan.on(day), day)
+        for day in (
+            date(2024, 4, 30), date(2024, 5, 2), date(2024, 5, 6), date(2024, 5, 12), date(2025, 4, 30), date(2025, 5, 2),
+            date(2025, 5, 5),
+        )
+    }
+    assert list(expected.values()) == ["DISAPPEARED", "PARTIAL", "PARTIAL", "NEW", "NEW", "PARTIAL", "DISAPPEARED"]
+    assert plan.on(date(2024, 4, 30)).act == "build" and plan.on(date(2025, 5, 2)).task == "Remove"
+    assert expected_state(plan.on(None), None) == "UNKNOWN"
+
+
+def test_status_is_kept_for_scans_without_a_day() -> None:
+    schedule = Schedule()
+    wall = schedule.add("IfcWall")
+    schedule.task("Remove", wall, kind="DEMOLITION", start="2030-05-01")
+    schedule.status(wall, "EXISTING")
+    plan = schedule.plan(wall)
+    assert plan.on(None).source == "status" and expected_state(plan.on(None), None) == "CONFIRMED"
+    assert plan.on(DAY).source == "task" and plan.on(DAY).act == "demolish"
+
+
+def test_a_task_on_a_whole_reaches_its_parts() -> None:
+    schedule = Schedule()
+    stair, flight, step, storey = (
+        schedule.add(kind) for kind in ("IfcStair", "IfcStairFlight", "IfcBuildingElementPart", "IfcBuildingStorey")
+    )
+    schedule.aggregate(storey, stair)
+    schedule.aggregate(stair, flight)
+    schedule.aggregate(flight, step)
+    schedule.task("Storey", storey, start="2020-01-01")
+    schedule.task("Stair", stair, start="2024-05-01")
+    assert [schedule.plan(e).task for e in (stair, flight, step)] == ["Stair"] * 3
+    schedule.task("Step", step, start="2024-06-01")
+    assert [schedule.plan(e).task for e in (flight, step)] == ["Stair", "Step"]
