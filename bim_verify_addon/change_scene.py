@@ -26,16 +26,13 @@ NAMES = {CONFIRMED: "Confirmed", NEW: "New", DISAPPEARED: "Disappeared", UNKNOWN
 
 def show_change(target: bpy.types.Scene, result: ChangeResult) -> None:
     """Show elements and voxels of a comparison; what an earlier one showed is replaced."""
-    known = scene.element_objects(target)
-    if any(element.global_id not in known for element in result.model.elements):
-        scene.show_model(target, result.model)
+    objects = scene.objects_of(target, result.model)
     series = [*([result.reference] if result.reference else []), *result.epochs]
     columns = [epoch.states for epoch in series]
     names = [f"{epoch.name} {epoch.date[:10]}".strip() for epoch in series]
     if result.reference:
         columns.append(tuple(e.state for e in result.elements))
         names.append("change")
-    objects = scene.element_objects(target)
     for row, found in enumerate(result.elements):
         item = objects.get(found.global_id)
         if item is not None:

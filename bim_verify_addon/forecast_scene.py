@@ -40,10 +40,7 @@ def show_plan(target: bpy.types.Scene, result: PlanResult) -> str:
     from ..core.quality.levels import ACTIONS
     from . import paint
 
-    existing = scene.element_objects(target)
-    if any(element.global_id not in existing for element in result.model.elements):
-        scene.show_model(target, result.model)
-        existing = scene.element_objects(target)
+    existing = scene.objects_of(target, result.model)
     for forecast in result.forecasts:
         _store(existing[forecast.global_id].bim_verify_plan, forecast, result.options.loa)
     survey_scene.show_stations(target, [

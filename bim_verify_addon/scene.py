@@ -69,6 +69,15 @@ def show_model(scene: bpy.types.Scene, model: BuildingModel) -> None:
         remove(item)
 
 
+def objects_of(scene: bpy.types.Scene, model: BuildingModel) -> dict[str, bpy.types.Object]:
+    """GlobalId -> object of every element; the model is shown where one is missing."""
+    existing = element_objects(scene)
+    if any(element.global_id not in existing for element in model.elements):
+        show_model(scene, model)
+        existing = element_objects(scene)
+    return existing
+
+
 def show_result(
     scene: bpy.types.Scene, result: VerificationResult, display: Display, only: Collection[str] | None = None
 ) -> None:

@@ -99,10 +99,7 @@ def show_quality(target: bpy.types.Scene, result: QualityResult, display: Survey
     from ..core.quality.levels import ACTIONS  # here: enabling the extension must not wait for its libraries
     from . import paint
 
-    existing = scene.element_objects(target)
-    if any(element.global_id not in existing for element in result.model.elements):
-        scene.show_model(target, result.model)
-        existing = scene.element_objects(target)
+    existing = scene.objects_of(target, result.model)
     grid = display.grid
     for index, element in enumerate(result.model.elements):
         item = existing.get(element.global_id)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import tempfile
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -45,11 +45,7 @@ class BIMVERIFY_OT_update_model(ResultFile, bpy.types.Operator):
         from ...core.model.write_psets import apply_psets, write_ifc_copy
         from ...core.update.update import update_file, update_lines
 
-        folder = tempfile.TemporaryDirectory(prefix="bim_verify_")
-        copy: Path | None = None
-        if (live := bonsai.live_file()) is not None:
-            copy = Path(folder.name) / "live.ifc"
-            live.write(str(copy))  # here: nothing of Bonsai is used in another thread
+        folder, copy = bonsai.live_copy() or (nullcontext(), None)
 
         def write(result: VerificationResult, path: Path, progress: Progress) -> str:
             said: list[str] = []

@@ -137,13 +137,7 @@ def find_clusters(
     index = _came_and_went(world, [o for _, o in epochs], reference)
     groups += _split("DISAPPEARED", index, np.full(len(index), -1, np.int32), np.zeros(len(index), np.bool_))
     groups.sort(key=lambda g: (-len(g.index), g.index.min(axis=0).tolist(), g.index[0].tolist(), g.kind))
-    start = model.triangle_start
-    boxes = np.array([
-        (lambda c: np.stack([c.min(axis=0), c.max(axis=0)]))(
-            model.vertices[model.triangles[start[n] : start[n + 1]]].reshape(-1, 3)
-        )
-        for n in range(len(model.elements))
-    ])
+    boxes = np.stack(list(model.element_bounds), axis=1)
     found = tuple(_describe(g, model, world.grid, boxes, epochs, reference) for g in groups[:most])
     return found, max(len(groups) - most, 0)
 

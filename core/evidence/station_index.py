@@ -78,22 +78,21 @@ def _bins(returns: NDArray[np.float32], rows: int, row_start: NDArray[np.int64])
     return out
 
 
-def _sort_into_bins(
-    offsets: NDArray[np.float32], row_start: NDArray[np.int64]
-) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """Stable counting sort: returns (N, 3) bin after bin, and (B + 1,) where each begins."""
+def sort_into_bins(
+    offsets: NDArray[np.float32], row_start: NDArray[np.int64], own: NDArray[np.bool_]
+) -> tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.bool_]]:
+    """Stable counting sort: returns (N, 3) bin after bin, (B + 1,) where each begins, and ``own`` ((N,) or empty) with them."""
     bins, chunks = int(row_start[-1]), get_num_threads()
-    start, out = np.empty(bins + 1, np.int64), np.empty_like(offsets)
-    _count_and_place(
-        offsets, len(row_start) - 1, row_start, np.empty(len(offsets), np.int32), np.empty((chunks, bins), np.int32), start, out
-    )
-    return out, start
+    start, out, mine = np.empty(bins + 1, np.int64), np.empty_like(offsets), np.empty_like(own)
+    where, goes = np.empty(len(offsets), np.int32), np.empty((chunks, bins), np.int32)
+    _count_and_place(offsets, own, len(row_start) - 1, row_start, where, goes, start, out, mine)
+    return out, start, mine
 
 
 @njit(cache=True, nogil=True, parallel=True)
 def _count_and_place(
-    offsets: NDArray[np.float32], rows: int, row_start: NDArray[np.int64], where: NDArray[np.int32],
-    goes: NDArray[np.int32], start: NDArray[np.int64], out: NDArray[np.float32],
+    offsets: NDArray[np.float32], own: NDArray[np.bool_], rows: int, row_start: NDArray[np.int64], where: NDArray[np.int32],
+    goes: NDArray[np.int32], start: NDArray[np.int64], out: NDArray[np.float32], mine: NDArray[np.bool_],
 ) -> None:
     """The same result for any number of chunks, the rows of ``goes``. What is filled comes from numpy: its memory has large
     pages where the system offers them, which saves half of the time."""
@@ -119,6 +118,8 @@ def _count_and_place(
             out[at, 0] = offsets[i, 0]
             out[at, 1] = offsets[i, 1]
             out[at, 2] = offsets[i, 2]
+            if len(own):
+                mine[at] = own[i]
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -202,7 +203,7 @@ def build_index(
 
 def _build(offsets: NDArray[np.float32], spacing_rad: float, photo: NDArray[np.float64] | None) -> StationIndex:
     row_start = bin_layout(spacing_rad, len(offsets))
-    returns, start = _sort_into_bins(offsets, row_start)
+    returns, start, _ = sort_into_bins(offsets, row_start, np.zeros(0, np.bool_))
     if photo is None:
         settle_order(returns, np.zeros(0, np.bool_), start)
     else:

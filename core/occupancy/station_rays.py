@@ -10,18 +10,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import get_num_threads, njit, prange
+from numba import njit, prange
 from numpy.typing import NDArray
 
-from ..evidence.station_index import (
-    StationIndex,
-    bin_layout,
-    place,
-    pseudo_azimuth,
-    pseudo_elevation,
-    settle_order,
-    sorting_spacing,
-)
+from ..evidence.station_index import StationIndex, bin_layout, settle_order, sort_into_bins, sorting_spacing
 from ..parallel import spread
 from .surface_fit import ROUND_UP, bins_around, clear_ends, fit_planes, patch_of
 
@@ -114,7 +106,8 @@ def clear_rays(
         point, start, mine = index.returns, index.bin_start.astype(np.int32), np.zeros(0, np.bool_)
     else:
         mine = np.zeros(0, np.bool_) if own is None else own
-        point, start, mine = _sort(index.returns, mine, bins.rows, bins.row_start, get_num_threads())
+        point, begin, mine = sort_into_bins(index.returns, bins.row_start, mine)
+        start = begin.astype(np.int32)
         settle_order(point, mine, start)
     patches = bins.merged(PATCH)
     plane = fit_planes(point, start, bins.row_start, patches.row_start, edge)
@@ -145,51 +138,6 @@ def station_rays(
 ) -> StationRays:
     """``clear_rays`` with their summaries."""
     return summarise(clear_rays(index, total, edge, own))
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _bin_of(x: float, y: float, z: float, rows: float, row_start: NDArray[np.int64]) -> int:
-    last = len(row_start) - 2
-    row = min(max(int((pseudo_elevation(math.sqrt(x * x + y * y), z) + 1.0) * 0.5 * rows), 0), last)
-    columns = row_start[row + 1] - row_start[row]
-    return int(row_start[row]) + min(int(pseudo_azimuth(x, y) * 0.25 * columns), columns - 1)
-
-
-@njit(cache=True, nogil=True, parallel=True)
-def _sort(
-    returns: NDArray[np.float32], own: NDArray[np.bool_], rows: float, row_start: NDArray[np.int64], chunks: int
-) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.bool_]]:
-    """Counting sort by bin, to single precision; the same for any number of chunks."""
-    n, bins = len(returns), row_start[-1]
-    where = np.empty(n, np.int32)
-    goes = np.zeros((chunks, bins), np.int32)
-    for c in prange(chunks):
-        for i in range(n * c // chunks, n * (c + 1) // chunks):
-            x, y, z = place(returns, i)
-            b = _bin_of(x, y, z, rows, row_start)
-            where[i] = b
-            goes[c, b] += 1
-    start = np.empty(bins + 1, np.int32)
-    total = 0
-    for b in range(bins):
-        start[b] = total
-        for c in range(chunks):
-            here = goes[c, b]
-            goes[c, b] = total
-            total += here
-    start[bins] = total
-    out = np.empty((n, 3), np.float32)
-    mine = np.empty(n if len(own) else 0, np.bool_)
-    for c in prange(chunks):
-        for i in range(n * c // chunks, n * (c + 1) // chunks):
-            at = goes[c, where[i]]
-            goes[c, where[i]] = at + 1
-            out[at, 0] = returns[i, 0]
-            out[at, 1] = returns[i, 1]
-            out[at, 2] = returns[i, 2]
-            if len(own):
-                mine[at] = own[i]
-    return out, start, mine
 
 
 @njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})

@@ -34,7 +34,7 @@ def is_filled(sides: list[Crossings], box: Box, thickness: float, band: float) -
     for c in sides:
         inside = (c.u > u0) & (c.u < u1) & (c.z > z0) & (c.z < z1) & (c.depth > band)
         within = inside & (c.depth < thickness + 0.02)
-        gaps = np.stack([c.end_u - u0, u1 - c.end_u, z1 - c.end_z])
+        gaps = _inside_edges(c, box)
         within &= gaps.min(axis=0) > RIM_M[0]
         at_rim = within & (gaps.min(axis=0) < RIM_M[1])
         side = gaps[:, at_rim].argmin(axis=0)
@@ -44,6 +44,12 @@ def is_filled(sides: list[Crossings], box: Box, thickness: float, band: float) -
         inner += int(inside.sum())
         inner_in += int(within.sum())
     return bool((rim >= 2).mean() > FILLED_SHARE) or (inner > 20 and inner_in > 0.5 * inner)
+
+
+def _inside_edges(c: Crossings, box: Box) -> NDArray[np.float64]:
+    """(3, N) how far within the start, the end and the head of a hole returns lie [m]."""
+    u0, u1, _, z1 = box
+    return np.stack([c.end_u - u0, u1 - c.end_u, z1 - c.end_z])
 
 
 def reveal_depth(c: Crossings, box: Box, band: float) -> tuple[Span | None, float | None]:
@@ -72,8 +78,7 @@ def reveal_depth(c: Crossings, box: Box, band: float) -> tuple[Span | None, floa
 
 def _frame_depth(c: Crossings, box: Box, inside: NDArray[np.bool_], span: Span) -> float | None:
     """How deep a frame stands that ends a reveal: it is seen no farther, even if the frame's pane sends nothing back."""
-    u0, u1, _, z1 = box
-    gap = np.minimum(np.minimum(c.end_u - u0, u1 - c.end_u), z1 - c.end_z)
+    gap = _inside_edges(c, box).min(axis=0)
     here = inside & (gap > RIM_M[0]) & (gap < RIM_M[1])
     here &= (c.depth > span[0] - FRAME_STEP_M) & (c.depth < span[1] + FRAME_STEP_M)
     return float(np.median(c.depth[here])) if here.sum() >= LEAST_REVEAL_RETURNS else None
