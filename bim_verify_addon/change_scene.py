@@ -6,13 +6,16 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.change.results import CONFIRMED, DISAPPEARED, NEW, UNKNOWN, ChangeResult
+from ..core.change.results import CONFIRMED, DISAPPEARED, NEW, UNKNOWN, ChangeResult, ElementChange
 from ..core.report.palette import VOXEL_COLORS, to_linear
 from . import frame, materials, scene
 from .point_display import show_as_voxels
 
 STATES_KEY = "bim_verify_states"
 """On element objects: their state at each epoch, joined by spaces; the last one is that of the comparison."""
+NUMBERS_KEY = "bim_verify_change_numbers"
+"""On element objects: what else the comparison says of them, a line each: name, tabulator, value."""
+REASON_KEY = "bim_verify_change_reason"
 EPOCHS_KEY = "bim_verify_epochs"
 MODE = "CHANGE"
 VOXELS = "Voxels"
@@ -37,6 +40,8 @@ def show_change(target: bpy.types.Scene, result: ChangeResult) -> None:
         item = objects.get(found.global_id)
         if item is not None:
             item[STATES_KEY] = " ".join(column[row] for column in columns)
+            item[NUMBERS_KEY] = "\n".join(f"{name}\t{value}" for name, value in _numbers(found))
+            item[REASON_KEY] = found.reason
     target[EPOCHS_KEY] = "\n".join(names)
     _show_voxels(target, result)
     settings = target.bim_verify_change
@@ -50,14 +55,28 @@ def show_change(target: bpy.types.Scene, result: ChangeResult) -> None:
     color_elements(target)
 
 
+def _numbers(found: ElementChange) -> list[tuple[str, str]]:
+    shares = (
+        ("confirmed", found.confirmed_ratio), ("new", found.new_ratio), ("gone", found.disappeared_ratio),
+        ("unknown", found.unknown_ratio),
+    )
+    rows = [("Shares", ", ".join(f"{100 * share:.0f} % {name}" for name, share in shares if share >= 0.005))]
+    if found.volume:
+        rows.append(("Stands", f"{found.built_volume:.3f} of {found.volume:.3f} m3, {found.disappeared_volume:.3f} gone"))
+    if found.shift is not None:
+        rows.append(("Shift", f"{1000 * found.shift:.1f} mm"))
+    return [*rows, ("Progress", found.progress)]
+
+
 def forget(target: bpy.types.Scene) -> None:
     """Take states, epochs and voxels away."""
     for item in scene.element_objects(target).values():
-        item.pop(STATES_KEY, None)
+        for key in (STATES_KEY, NUMBERS_KEY, REASON_KEY):
+            item.pop(key, None)
     _remove_voxels(target)
     target.pop(EPOCHS_KEY, None)
     settings = target.bim_verify_change
-    settings.summary, settings.epochs, settings.epoch_name = "", 0, ""
+    settings.summary, settings.epochs, settings.epoch_name, settings.result_key = "", 0, "", ""
 
 
 def _remove_voxels(target: bpy.types.Scene) -> None:

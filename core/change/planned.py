@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from datetime import date, datetime
 from typing import Any, Literal
 
+from ..errors import BimVerifyError
 from .parts import DEEPEST
 
 Act = Literal["build", "demolish", ""]
@@ -68,6 +69,14 @@ def parse_date(text: str | None) -> date | None:
             return date.fromisoformat(str(text)[:10])
         except ValueError:
             return None
+
+
+def check_day(text: str, name: str) -> str:
+    """The text of a day that was asked for under ``name``, without blanks; BimVerifyError when it is none."""
+    text = text.strip()
+    if text and parse_date(text) is None:
+        raise BimVerifyError(f"{name} takes a day like 2025-03-31, not {text!r}.")
+    return text
 
 
 def _planned(file: Any, step_id: int, global_id: str, tasks: dict[int, list[Planned]]) -> Planned:

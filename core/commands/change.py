@@ -24,7 +24,7 @@ DEFAULT = ChangeOptions()
 
 def change_options(values: Values) -> ChangeOptions:
     """Options of a comparison from a command's values."""
-    from ..change.planned import parse_date
+    from ..change.planned import check_day
 
     larger_than_zero(values, "voxel_mm", "sigma_mm")
     zero_or_more(values, "registration_sigma_mm")
@@ -33,15 +33,13 @@ def change_options(values: Values) -> ChangeOptions:
     if not 1 <= values["min_points"] <= MOST_MIN_POINTS:
         raise BimVerifyError(f"--min-points must be 1 to {MOST_MIN_POINTS}, not {values['min_points']}.")
     registration = values["registration_sigma_mm"]
-    if values["date"] and parse_date(values["date"]) is None:
-        raise BimVerifyError(f"--date takes a day like 2025-03-31, not {values['date']!r}.")
     return ChangeOptions(
         voxel=values["voxel_mm"] / 1000,
         min_points=values["min_points"],
         loa=values["loa"],
         sigma=values["sigma_mm"] / 1000,
         registration_sigma=None if registration is None else registration / 1000,
-        date=values["date"] or "",
+        date=check_day(values["date"] or "", "--date"),
         **input_options(values),
     )
 
