@@ -32,7 +32,6 @@ class BIMVERIFY_OT_change(Job["ChangeResult"], bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Work[ChangeResult]:
         from ...core import jobs
-
         from ...core.change.planned import check_day
 
         settings, own = context.scene.bim_verify, context.scene.bim_verify_change

@@ -19,7 +19,6 @@ from ..session import SESSION
 from ..sight import look_at_all
 from .file_browser import FileJob, idle
 
-
 SCAN_FILES = "*.e57;*.las;*.laz;*.ply;*.pcd;*.pts;*.ptx;*.xyz;*.txt;*.asc;*.csv;*.npy;*.json;*.out"
 """What the file browser shows."""
 

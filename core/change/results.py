@@ -95,6 +95,23 @@ class EpochRecord:
 
 
 @dataclass(frozen=True)
+class VoxelCounts:
+    """Voxels by state between two epochs, or an epoch and the model; only those that some epoch saw."""
+
+    epoch: str
+    against: str
+    """Name of the epoch before, or ``model``."""
+    confirmed: int
+    new: int
+    disappeared: int
+    unknown: int
+
+    @property
+    def total(self) -> int:
+        return self.confirmed + self.new + self.disappeared + self.unknown
+
+
+@dataclass(frozen=True)
 class GroupProgress:
     """Progress of a storey, a class or a task. Shares of planned volume."""
 
@@ -123,9 +140,13 @@ class ChangeResult:
     reference: EpochRecord | None
     planned: tuple[Planned, ...]
     clusters: tuple[Cluster, ...]
-    """Largest first; a warning says how many smaller ones are left out, if any are."""
+    """Largest first."""
+    clusters_left_out: int
+    """Smaller ones that are not listed; a warning says so, too."""
     groups: tuple[GroupProgress, ...]
     voxels: VoxelCloud
+    voxel_counts: tuple[VoxelCounts, ...]
+    """The comparison itself first, then each epoch with the one before, the last with the first, and each with the model."""
     anchor: tuple[float, float, float]
     """Corner of voxel (0, 0, 0), metres, model frame."""
     remaining: tuple[int, ...]

@@ -43,6 +43,7 @@ def change_to_json(result: ChangeResult) -> dict[str, Any]:
         ],
         "epochs": result.epochs,
         "reference": result.reference,
+        "voxel_counts": result.voxel_counts,
         "clusters": result.clusters,
         "progress": result.groups,
         "timings": result.timings,

@@ -41,7 +41,6 @@ def render_change_page(result: ChangeResult) -> str:
     style = _colors() + source("page.css", "change.css")
     environment = templates()
     environment.filters |= {"pct": format_percent, "number": format_number}
-    voxels = [int((result.voxels.state == code).sum()) for code in (1, 2, 3, 0)]
     series = [*([result.reference] if result.reference else []), *result.epochs]
     rows = sorted(
         zip(result.elements, result.planned, strict=True), key=lambda p: (ORDER.index(p[0].state), -p[0].volume)
@@ -62,9 +61,7 @@ def render_change_page(result: ChangeResult) -> str:
             "reference": ", ".join(dict.fromkeys(Path(p).name for p in result.reference.paths))
             if result.reference else "the model itself",
         },
-        voxels=voxels,
         views=voxel_views(result),
-        voxel_total=sum(voxels) or 1,
         series=series,
         series_counts=[[sum(v == s for v in epoch.states) for s in STATES] for epoch in series],
         clusters=result.clusters[:MOST_CLUSTERS],

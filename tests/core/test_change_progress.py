@@ -32,6 +32,8 @@ DEMOLISH = Planned("demolish", date(2024, 1, 1), date(2024, 2, 1), "Demolish wal
         (Planned("demolish", date(2024, 5, 1), date(2024, 5, 2)), DAY, "CONFIRMED", "DISAPPEARED", "should be gone"),
         (Planned("demolish", date(2024, 6, 1), date(2024, 6, 2)), date(2024, 5, 20), "DISAPPEARED", "CONFIRMED", "early"),
         (Planned("build", date(2024, 5, 1), date(2024, 6, 2)), date(2024, 5, 20), "PARTIAL", "PARTIAL", "on time"),
+        (Planned("build", date(2024, 5, 1), date(2024, 6, 2)), date(2024, 5, 1), "DISAPPEARED", "PARTIAL", "on time"),
+        (Planned("demolish", date(2024, 5, 1), date(2024, 6, 2)), date(2024, 5, 1), "CONFIRMED", "PARTIAL", "on time"),
     ],
 )  # fmt: skip
 def test_observed_against_planned(plan: Planned, day: date | None, found: State, state: str, progress: str) -> None:
@@ -224,6 +226,26 @@ def test_status_is_kept_for_scans_without_a_day() -> None:
     plan = schedule.plan(wall)
     assert plan.on(None).source == "status" and expected_state(plan.on(None), None) == "CONFIRMED"
     assert plan.on(DAY).source == "task" and plan.on(DAY).act == "demolish"
+
+
+def test_tasks_of_upkeep_say_nothing_of_when_an_element_stands() -> None:
+    schedule = Schedule()
+    wall, other = schedule.add("IfcWall"), schedule.add("IfcWall")
+    schedule.task("Repaint", wall, other, kind="MAINTENANCE", start="2030-01-01", finish="2030-02-01")
+    schedule.task("Inspect", wall, kind="ATTENDANCE", start="2024-07-01")
+    schedule.status(wall, "EXISTING")
+    assert schedule.plan(wall).source == "status" and schedule.plan(other) == Planned()
+    assert judge(schedule.plan(wall), expected_state(schedule.plan(wall), DAY), "CONFIRMED") == ("on time", True)
+
+
+@pytest.mark.parametrize(("word", "act"), [("DEMOLISH", "demolish"), ("EXISTING", ""), (None, "build")])
+def test_a_task_without_dates_gives_way_to_the_status(word: str | None, act: str) -> None:
+    schedule = Schedule()
+    wall = schedule.add("IfcWall")
+    schedule.task("Work", wall)
+    if word:
+        schedule.status(wall, word)
+    assert (schedule.plan(wall).act, schedule.plan(wall).task) == (act, "Work")
 
 
 def test_a_task_on_a_whole_reaches_its_parts() -> None:
