@@ -62,6 +62,10 @@ def after() -> Any:
     )
 
 
+def dated(source: Any, day: str) -> Any:
+    return dataclasses.replace(source, stations=tuple(dataclasses.replace(s, acquired=day) for s in source.stations))
+
+
 @cache
 def against_model() -> ChangeResult:
     return change(house(), [after()], None, OPTIONS)
@@ -147,13 +151,23 @@ def test_an_object_that_was_there_before_stays() -> None:
     result = change(house(), [after(), after()], None, OPTIONS)
     new = [c for c in result.clusters if c.kind == "NEW"]
     assert new and all(c.persistence == "stays" for c in new)
-    gone = change(house(), [scan(built({})), after()], None, OPTIONS)
+    assert not any("contradict" in w for w in result.warnings)
+    gone = change(house(), [dated(scan(built({})), "2024-05-02"), dated(after(), "2024-04-30")], None, OPTIONS)
     crate = min(
         (c for c in gone.clusters if c.kind == "NEW"),
         key=lambda c: float(np.linalg.norm(np.array(c.center) - CRATE.center)),
     )
     assert crate.persistence == "temporary"
     assert [e.name for e in gone.epochs] == ["epoch 1", "epoch 2"]
+    assert (
+        "The scans' dates contradict the order given: the epoch 2 (2024-04-30) is older than the epoch 1 (2024-05-02). "
+        "Give the earliest epoch first."
+    ) in gone.warnings
+    assert [(c.epoch, c.against) for c in gone.voxel_counts] == [
+        ("epoch 2", "model"), ("epoch 2", "epoch 1"), ("epoch 1", "model")
+    ]
+    with_model, between, before_that = gone.voxel_counts
+    assert before_that.disappeared < min(with_model.disappeared, between.disappeared) and before_that.new < between.new
     assert gone.epochs[0].states[list(PLAN).index("column")] == "CONFIRMED"
     assert gone.epochs[1].states[list(PLAN).index("column")] == "DISAPPEARED"
 
@@ -381,15 +395,25 @@ def test_outputs_hold_what_was_found(tmp_path: Path) -> None:
     assert set(np.unique(vertex["state"])) <= {0, 1, 2, 3} and len(vertex["x"]) == len(result.voxels.state)
     gone = vertex["state"] == 3
     assert (vertex["red"][gone] > vertex["green"][gone]).all()
+    for found in (result, against_reference()):
+        main = found.voxel_counts[0]
+        counted = [int((found.voxels.state == code).sum()) for code in (1, 2, 3, 0)]
+        assert counted == [main.confirmed, main.new, main.disappeared, main.unknown]
+    names = [(c.epoch, c.against) for c in against_reference().voxel_counts]
+    assert names == [("epoch", "reference"), ("reference", "model"), ("epoch", "model")]
     data = change_to_json(result)
     assert data["elements"] == [e.global_id for e in result.elements]
     described = (Path(__file__).parents[2] / "docs" / "change.md").read_text(encoding="utf-8")
-    for key in (*data, *data["summary"], *data["changes"][0], *data["epochs"][0], *data["clusters"][0], *data["progress"][0]):
+    for key in (*data, *data["summary"], *data["changes"][0], *data["epochs"][0], *data["clusters"][0], *data["progress"][0],
+                *data["voxel_counts"][0]):
         assert f"`{key}`" in described or key in STATES, key
     lines = changes_csv(result).decode("utf-8-sig").splitlines()
     assert len(lines) == len(PLAN) + 1
     page = render_change_page(result)
     assert "<script" not in page and "partition" in page
+    many = dataclasses.replace(result, clusters=result.clusters * 50, clusters_left_out=7)
+    assert f"the JSON file has the {len(many.clusters):,} largest of" in render_change_page(many).replace("\u202f", ",")
+    assert "the JSON file has all" in render_change_page(dataclasses.replace(many, clusters_left_out=0))
 
 
 def test_the_report_shows_progress_without_a_plan_and_pictures_of_all_sides() -> None:
