@@ -162,9 +162,9 @@ def _tasks(file: Any) -> dict[int, list[Planned]]:
     for relation in file.by_type("IfcRelAssignsToProduct"):
         product = relation.RelatingProduct
         for process in relation.RelatedObjects or ():
-            if process.is_a("IfcTask") and product is not None and product.is_a("IfcProduct"):
-                if (plan := _task(process)) is not None:
-                    found.setdefault(product.id(), []).append(plan)
+            plan = _task(process) if process.is_a("IfcTask") else None
+            if plan is not None and product is not None and product.is_a("IfcProduct"):
+                found.setdefault(product.id(), []).append(plan)
     return found
 
 
