@@ -78,11 +78,12 @@ def parse_date(text: str | None) -> date | None:
 
 
 def check_day(text: str, name: str) -> str:
-    """The text of a day that was asked for under ``name``, without blanks; BimVerifyError when it is none."""
+    """A day that was asked for under ``name``, as YYYY-MM-DD (empty: none was); BimVerifyError when it is no day."""
     text = text.strip()
-    if text and parse_date(text) is None:
-        raise BimVerifyError(f"{name} takes a day like 2025-03-31, not {text!r}.")
-    return text
+    try:
+        return text and date.fromisoformat(text).isoformat()
+    except ValueError as error:
+        raise BimVerifyError(f"{name} takes a day like 2025-03-31, not {text!r}.") from error
 
 
 def _planned(file: Any, step_id: int, global_id: str, tasks: dict[int, list[Planned]]) -> Planned:

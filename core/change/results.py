@@ -52,6 +52,9 @@ class ElementChange:
     reason: str
     moved: bool = False
     """It stands, but not where it was planned."""
+    standing_ratio: float | None = None
+    """Share of it that stands now at its planned place, as far as it was seen: what was not seen is taken to be like what was.
+    None where that was not decided."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +95,8 @@ class EpochRecord:
     registration_sigma: float
     states: tuple[State, ...]
     """One per element, against the model."""
+    progress: tuple[GroupProgress, ...] = ()
+    """As of its own day."""
 
 
 @dataclass(frozen=True)
@@ -119,10 +124,11 @@ class GroupProgress:
     name: str
     elements: int
     complete: float | None
-    """Work done (built, left, or demolished, as planned), of what was observed; None when nothing was."""
+    """Work done (built, left, or demolished, as planned), of the elements that were decided; None when none was."""
     planned: float | None
-    """Work that should be done at the scan's date, of what was observed and has a plan; None when nothing has."""
+    """Work that should be done at the scan's date, of what was decided and has a plan; None when nothing has."""
     not_observed: float
+    """Share of the planned volume of which no surface was found and through which no ray passed."""
 
 
 @dataclass(frozen=True)

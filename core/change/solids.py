@@ -101,13 +101,48 @@ def voxelise(model: BuildingModel, grid: VoxelGrid, progress: Progress | None = 
     return SolidVoxels(grid, table, element, counts, volume)
 
 
-def solid_voxels_of(model: BuildingModel, edge: float, row: int) -> NDArray[np.int64]:
-    """(N, 3) the voxels whose middle lies inside one closed element, in the grid of ``voxelise``."""
+@dataclass(frozen=True)
+class VoxelBox:
+    """Numbers for the voxels of a box, eight bytes each; those around it have numbers of their own, too."""
+
+    low: NDArray[np.int64]
+    """(3,) its first voxel."""
+    size: NDArray[np.int64]
+    """(3,)"""
+
+    @classmethod
+    def around(cls, first: NDArray[np.int64], last: NDArray[np.int64]) -> VoxelBox:
+        """The box of all voxels from ``first`` to ``last`` (3,)."""
+        return cls(first - 1, last - first + 3)
+
+    def code(self, index: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(N,) numbers of voxels (N, 3) in the box."""
+        x, y, z = (index - self.low).T
+        return np.asarray((x * self.size[1] + y) * self.size[2] + z, np.int64)
+
+    def index(self, code: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(N, 3) the voxels with these numbers."""
+        rest, z = np.divmod(code, self.size[2])
+        x, y = np.divmod(rest, self.size[1])
+        return np.stack([x, y, z], axis=1) + self.low
+
+    def step(self, side: NDArray[np.int64]) -> int:
+        """By how much the number of a voxel's neighbour on that side (3,) is larger."""
+        return int((side[0] * self.size[1] + side[1]) * self.size[2] + side[2])
+
+
+def solid_voxels_of(model: BuildingModel, edge: float, row: int) -> tuple[NDArray[np.int64], VoxelBox]:
+    """The voxels whose middle lies inside one closed element, in the grid of ``voxelise``: sorted numbers, and their box."""
     grid = VoxelGrid.for_model(model.origin, edge)
     start = model.triangle_start
     corner = (model.vertices[model.triangles[start[row] : start[row + 1]]] - grid.anchor - NUDGE_M) / grid.edge
-    found = [np.argwhere(mask)[:, ::-1] + first for mask, first in _inside(corner)] if model.closed[row] else []
-    return np.concatenate([np.zeros((0, 3), np.int64), *found])
+    box = VoxelBox.around(*(np.floor(of(corner, axis=(0, 1))).astype(np.int64) for of in (np.min, np.max)))
+    found = [np.zeros(0, np.int64)]
+    for mask, first in _inside(corner) if model.closed[row] else ():
+        for layer in range(len(mask)):
+            y, x = np.nonzero(mask[layer])
+            found.append(box.code(np.stack([x, y, np.full(len(x), layer)], axis=1) + first))
+    return np.sort(np.concatenate(found)), box
 
 
 class _Owners:

@@ -47,7 +47,7 @@ def change_options(values: Values) -> ChangeOptions:
 def _change(values: Values, progress: Progress) -> Outcome:
     from ..change.psets import write_changed_ifc
     from ..jobs import change
-    from ..report.change_files import change_to_json, write_remaining, write_voxels
+    from ..report.change_files import SHAPES, change_to_json, write_remaining, write_voxels
     from ..report.change_page import write_change_report
     from ..report.html import PAGE, TABLE
 
@@ -66,7 +66,7 @@ def _change(values: Values, progress: Progress) -> Outcome:
     if values["voxels"]:
         lines.append(f"{len(result.voxels.state):,} voxels: {values['voxels']}")
     if values["remaining"]:
-        lines.append(f"Remaining shapes of {len(result.remaining)} elements: {values['remaining']}")
+        lines.append(f"Remaining shapes: {Path(values['remaining']) / SHAPES}")
     if values["report"]:
         lines.append(f"Report: {Path(values['report']) / PAGE}")
 
@@ -117,7 +117,7 @@ COMMAND = Command(
         Argument("--min-points", "returns that make a voxel occupied", int, DEFAULT.min_points),
         Argument("--voxels", "PLY file of all voxels with their state"),
         Argument("--report", "folder for the report (one HTML page, one CSV)"),
-        Argument("--remaining", "folder for the remaining shapes of partly demolished elements (OBJ)"),
+        Argument("--remaining", "folder for the remaining shapes of partly demolished elements (OBJ) and a table of them"),
         Argument("--loa", "level of accuracy that the result is wanted for: warns if voxels cannot support it",
                  int, None, (10, 20, 30, 40, 50)),
         Argument("--date", "day of the last epoch, like 2025-03-31, for scans that do not say it"),

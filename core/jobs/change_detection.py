@@ -21,7 +21,7 @@ from ..change.decide import element_state, ratios
 from ..change.look import EpochSight, look_at_elements, sensor_model
 from ..change.parts import Parts, read_parts
 from ..change.planned import Planned, parse_date, read_planned
-from ..change.progress import expected_state, group_progress, judge
+from ..change.progress import expected_state, group_progress, judge, standing_ratio
 from ..change.results import ChangeResult, ElementChange, EpochRecord, VoxelCounts
 from ..change.solids import SolidVoxels, fitting_edge, voxelise
 from ..change.voxels import Universe, compare, count_states, universe, voxel_cloud
@@ -145,25 +145,29 @@ def _compare(
     now, before = views[-1], views[0] if has_reference else None
     day = parse_date(options.date or now.date)
     undated = day is None and any(p.dated for p in plans)
-    plans = tuple(p.on(day) for p in plans)
+    days = [*(parse_date(v.date) for v in views[:-1]), day]
     state = _states(world, seen[-1], seen[0] if before else None)
     anything = np.zeros(state.shape, np.bool_)
     for epoch in seen:
         anything |= epoch.state != UNSEEN
     first: Absent | None = None
-    alone, with_model = [], []
-    for view, epoch in zip(views, seen, strict=True):
+    weight = [float(v) or 1e-3 for v in solids.volume]
+    alone, with_model, series = [], [], []
+    for view, epoch, its_day in zip(views, seen, days, strict=True):
         of_view = state if view is now and before is None else _states(world, epoch, None)
         with_model.append(count_states(of_view, anything, (view.name, MODEL)))
         gone = Absent.of(world, of_view)
         found = amounts(world, gone, None, epoch, len(model.elements))
-        alone.append(_elements(model, solids, found, view.sight, None, plans, day))
+        on_day = tuple(p.on(its_day) for p in plans)
+        alone.append(_elements(model, solids, found, view.sight, None, on_day, its_day))
+        series.append(group_progress(alone[-1], on_day, weight, its_day))
         first = gone if view is before else first
+    plans = on_day
     elements = planned_now = alone[-1]  # against the model: what the plan is compared with
     if before is not None:
         both = amounts(world, gone, first, seen[-1], len(model.elements))
         elements = tuple(
-            replace(e, expected=p.expected, agrees=p.agrees, progress=p.progress)
+            replace(e, expected=p.expected, agrees=p.agrees, progress=p.progress, standing_ratio=p.standing_ratio)
             for e, p in zip(_elements(model, solids, both, now.sight, before.sight, plans, day), planned_now, strict=True)
         )
     cloud = voxel_cloud(world, state, anything, gone.cells)
@@ -172,9 +176,9 @@ def _compare(
         model, world, cloud, named[1:] if has_reference else named, seen[0] if has_reference else None
     )
     anchor = solids.grid.anchor + model.origin
-    weight = [e.volume or 1e-3 for e in elements]
     records = [
-        replace(_record(model, v), states=tuple(e.state for e in found)) for v, found in zip(views, alone, strict=True)
+        replace(_record(model, v), states=tuple(e.state for e in found), progress=groups)
+        for v, found, groups in zip(views, alone, series, strict=True)
     ]
     if options.date:
         records[-1] = replace(records[-1], date=options.date)
@@ -182,7 +186,7 @@ def _compare(
         model=model, options=options, edge=edge, elements=elements,
         epochs=tuple(records[1:] if has_reference else records), reference=records[0] if has_reference else None,
         planned=plans, clusters=clusters, clusters_left_out=left_out,
-        groups=group_progress(planned_now, plans, weight), voxels=cloud,
+        groups=series[-1], voxels=cloud,
         voxel_counts=_voxel_counts(world, views, seen, state, anything | gone.cells, with_model, has_reference),
         anchor=(float(anchor[0]), float(anchor[1]), float(anchor[2])),
         remaining=tuple(
@@ -233,7 +237,7 @@ def _elements(
             element.global_id, element.ifc_class, element.name, element.storey, what, *shares, volume,
             disappeared_volume=shares[1] * volume, built_volume=(shares[0] + shares[2]) * volume,
             shift=_shift(mine, then), expected=expected, agrees=agrees, progress=progress, reason=decision.reason,
-            moved=mine.seen == "MOVED",
+            moved=mine.seen == "MOVED", standing_ratio=standing_ratio(mine, what, shares),
         ))
     return tuple(changes)
 

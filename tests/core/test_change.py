@@ -157,7 +157,7 @@ def test_an_object_that_was_there_before_stays() -> None:
         (c for c in gone.clusters if c.kind == "NEW"),
         key=lambda c: float(np.linalg.norm(np.array(c.center) - CRATE.center)),
     )
-    assert crate.persistence == "temporary"
+    assert crate.persistence == "unknown"
     assert [e.name for e in gone.epochs] == ["epoch 1", "epoch 2"]
     assert (
         "The scans' dates contradict the order given: the epoch 2 (2024-04-30) is older than the epoch 1 (2024-05-02). "

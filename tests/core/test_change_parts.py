@@ -14,6 +14,7 @@ from bim_verify.core.change.look import ElementSight, Seen
 from bim_verify.core.jobs import change
 from bim_verify.core.options import ChangeOptions
 from bim_verify.core.report.change_files import remaining_mesh
+from bim_verify.core.simulation.scene import Prop
 
 from .verify_data import PLAN, built, house, scan
 
@@ -53,6 +54,15 @@ def test_volumes_between_epochs_of_a_wall_that_stood_in_part(then: float, now: f
     assert found.agrees == (now == 4.0) and (ROW in result.remaining) == (now < 4.0)
     percent = next(g.complete for g in result.groups if g.kind == "class" and g.name == "IfcWall")
     assert percent is not None and (percent == 1.0) == (now == 4.0)
+
+
+def test_how_much_of_a_wall_stands_is_told_from_one_side_too() -> None:
+    """Beams that pass tell of all its thickness, those that return of one face only: volumes would say 0.26."""
+    fence = Prop("fence", "box", (6.0, -1.5, 1.5), (16.0, 0.1, 8.0))
+    seen = scan(built({}, (fence,), {"south": (((0.0, -0.2, 0.0), (6.1, 0.0, 3.0)),)}), seed=4)
+    found = change(house(), [seen], None, OPTIONS).elements[list(PLAN).index("south")]
+    assert found.state == "PARTIAL" and found.confirmed_ratio < 0.2
+    assert found.standing_ratio == pytest.approx(0.5, abs=0.06)
 
 
 def test_a_thin_ceiling_of_which_less_than_half_is_gone_stands_in_part() -> None:

@@ -72,12 +72,12 @@ def an_element(state: State, plan: Planned, day: date | None = DAY, gone: float 
     progress, agrees = judge(plan, expected, state)
     return ElementChange(
         "g", "IfcWall", "w", "Ground", state, 1.0 - gone, gone, 0.0, 0.0, 1.0, gone, 1.0 - gone, None, expected, agrees,
-        progress, "",
+        progress, "", standing_ratio={"UNKNOWN": None, "PARTIAL": 1.0 - gone}.get(state, float(state != "DISAPPEARED")),
     )
 
 
-def groups(*rows: tuple[ElementChange, Planned, float]) -> dict[tuple[str, str], GroupProgress]:
-    found = group_progress([r[0] for r in rows], [r[1] for r in rows], [r[2] for r in rows])
+def groups(*rows: tuple[ElementChange, Planned, float], day: date | None = None) -> dict[tuple[str, str], GroupProgress]:
+    found = group_progress([r[0] for r in rows], [r[1] for r in rows], [r[2] for r in rows], day)
     return {(g.kind, g.name): g for g in found}
 
 
@@ -96,8 +96,17 @@ def test_demolition_that_is_to_come_is_no_work_due() -> None:
     early = date(2023, 12, 1)
     group = groups((an_element("CONFIRMED", DEMOLISH, early), DEMOLISH, 1.0))["task", "Demolish walls"]
     assert (group.complete, group.planned) == (0.0, 0.0)
-    during = groups((an_element("CONFIRMED", DEMOLISH, date(2024, 1, 15)), DEMOLISH, 1.0))["task", "Demolish walls"]
-    assert (during.complete, during.planned) == (0.0, 0.5)
+    for day, due in ((1, 0.0), (15, 14 / 31), (31, 30 / 31)):
+        now = date(2024, 1, day)
+        during = groups((an_element("CONFIRMED", DEMOLISH, now), DEMOLISH, 1.0), day=now)["task", "Demolish walls"]
+        assert (during.complete, during.planned) == (0.0, pytest.approx(due))
+
+
+def test_a_part_that_was_not_seen_is_not_observed() -> None:
+    """One face of a wall tells that it stands, and nothing of the rest."""
+    seen = dataclasses.replace(an_element("CONFIRMED", Planned()), confirmed_ratio=0.3, unknown_ratio=0.7)
+    group = groups((seen, Planned(), 3.0), (an_element("UNKNOWN", Planned()), Planned(), 1.0))["class", "IfcWall"]
+    assert group.complete == 1.0 and group.not_observed == pytest.approx((0.7 * 3.0 + 1.0) / 4.0)
 
 
 def test_work_is_weighed_by_volume_and_what_was_not_observed_stands_beside() -> None:
