@@ -175,7 +175,8 @@ def _skin(
     code: NDArray[np.int64], box: VoxelBox, anchor: NDArray[np.float64], edge: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """The same for the numbers of voxels in a box, sorted."""
-    corners = [np.zeros((0, 4, 3), np.int64)]
+    corner_box = VoxelBox(box.low, box.size + 1)
+    corners = [np.zeros((0, 4), np.int64)]
     for side in SIDES:
         axis = int(np.flatnonzero(side)[0])
         u, v = np.eye(3, dtype=np.int64)[[(axis + 1) % 3, (axis + 2) % 3]]
@@ -183,7 +184,6 @@ def _skin(
             open_side = box.index(part[~_among(code, part + box.step(side))])
             base = open_side + np.maximum(side, 0)
             ring = [base, base + u, base + u + v, base + v]
-            corners.append(np.stack(ring if side.sum() > 0 else ring[::-1], axis=1))
-    quads = np.concatenate(corners)
-    used, inverse = np.unique(quads.reshape(-1, 3), axis=0, return_inverse=True)
-    return anchor + edge * used, inverse.reshape(-1, 4)
+            corners.append(np.stack([corner_box.code(c) for c in (ring if side.sum() > 0 else ring[::-1])], axis=1))
+    used, inverse = np.unique(np.concatenate(corners), return_inverse=True)
+    return anchor + edge * corner_box.index(used), inverse.reshape(-1, 4)
