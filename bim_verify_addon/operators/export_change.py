@@ -34,7 +34,7 @@ class BIMVERIFY_OT_export_change(FileJob[str], bpy.types.Operator):
     filepath: StringProperty(name="Folder", subtype="FILE_PATH", description="The folder to write; made if it is missing")
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
     model: BoolProperty(name="Model", default=True, description="A copy of the IFC file with a property set on every element")
-    report: BoolProperty(name="Report", default=True, description="One HTML page, and a table of the elements as CSV")
+    page: BoolProperty(name="Report", default=True, description="One HTML page, and a table of the elements as CSV")
     voxels: BoolProperty(name="Voxels", default=True, description="All voxels with their state, as PLY")
     remaining: BoolProperty(
         name="Remaining shapes", default=True, description="What remains of partly demolished elements, an OBJ each"
@@ -66,7 +66,7 @@ class BIMVERIFY_OT_export_change(FileJob[str], bpy.types.Operator):
         if folder.is_file() or (folder / MODEL).resolve() == Path(result.model.path).resolve():
             raise BimVerifyError(f"{folder} is a file, or holds the model as {MODEL}. Give another folder.")
         live = bonsai.live_copy() if self.model else None
-        model, report, voxels, remaining, numbers = self.model, self.report, self.voxels, self.remaining, self.numbers
+        model, page, voxels, remaining, numbers = self.model, self.page, self.voxels, self.remaining, self.numbers
 
         def work(progress: Progress) -> str:
             with all_or_none():
@@ -83,7 +83,7 @@ class BIMVERIFY_OT_export_change(FileJob[str], bpy.types.Operator):
                     write_remaining(folder / REMAINING, result)
                 if numbers:
                     write_document(folder / JSON, change_to_json(result))
-                if report:
+                if page:
                     write_change_report(folder / REPORT, result, progress=progress.part(0.6, 1.0))
                 progress.check()
             return str(folder)

@@ -174,7 +174,7 @@ def test_after_the_job_colours_slider_numbers_and_files(
     written = ifcopenshell.open(str(folder / "changed.ifc"))
     sets = ifcopenshell.util.element.get_psets(written.by_guid(column.global_id))
     assert sets["BimVerify_Change"]["State"] == "DISAPPEARED"
-    assert bpy.ops.bim_verify.export_change(filepath=str(tmp_path / "table"), model=False, report=False, voxels=False,
+    assert bpy.ops.bim_verify.export_change(filepath=str(tmp_path / "table"), model=False, page=False, voxels=False,
                                             remaining=False) == {"FINISHED"}
     assert [path.name for path in (tmp_path / "table").iterdir()] == ["change.json"]
     with pytest.raises(RuntimeError, match="Give another folder"):
