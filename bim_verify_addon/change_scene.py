@@ -133,6 +133,7 @@ def _show_voxels(target: bpy.types.Scene, result: ChangeResult) -> None:
     _remove_voxels(target)
     place = frame.stored(target) or frame.ViewFrame()
     cloud = result.voxels
+    points = []
     for code, name in NAMES.items():
         index = cloud.index[cloud.state == code]
         if not len(index):
@@ -158,6 +159,10 @@ def _show_voxels(target: bpy.types.Scene, result: ChangeResult) -> None:
         item[frame.ORIGIN_KEY] = [float(v) for v in middle]
         frame.place(item, place)
         scene.collection(target, VOXELS).objects.link(item)
-        if not len(quads) and item.name in bpy.context.view_layer.objects:
+        if not len(quads):
+            points.append(item)
+    bpy.context.view_layer.update()  # until then it does not know the new objects
+    for item in points:
+        item.hide_render = True
+        if item.name in bpy.context.view_layer.objects:
             item.hide_set(True)
-            item.hide_render = True
