@@ -29,9 +29,8 @@ from bim_verify.core.jobs import change
 from bim_verify.core.model.elements import BuildingModel
 from bim_verify.core.model.load import load_model
 from bim_verify.core.options import ChangeOptions
-from bim_verify.core.report.change_files import remaining_mesh
+from bim_verify.core.report.change_files import remaining_volume
 from bim_verify.core.simulation.campaign import Campaign, make_campaign, write_campaign
-from bim_verify.core.simulation.clip import body_volume
 from bim_verify.core.simulation.cut import element_corners, removed_share
 from bim_verify.core.simulation.scanner import PRESETS
 from bim_verify.core.simulation.scene import Edit
@@ -199,8 +198,7 @@ class Tally:
                 continue
             seen = min(t["elements"][found.global_id]["witnessed"] for t in (truth, before))
             gone = removed_share(element_corners(model, row), edit)
-            vertices, quads = remaining_mesh(result, row)
-            shape = body_volume(vertices[quads][:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)) / found.volume
+            shape = remaining_volume(result, row) / found.volume
             who = f"{where} {found.ifc_class} {found.name}"
             name = f"{who}, {gone:.0%} cut away, seen {seen:.0%}, unknown {found.unknown_ratio:.0%}"
             self.cut.append((
