@@ -92,7 +92,7 @@ def state_now(item: bpy.types.Object) -> str:
 
 
 def color_elements(target: bpy.types.Scene) -> None:
-    """Colour all elements by their state at the epoch that the slider says."""
+    """Colour all elements by their state at the epoch that the slider says; voxels that changed are shown at the last."""
     from . import paint
 
     settings = target.bim_verify_change
@@ -106,6 +106,10 @@ def color_elements(target: bpy.types.Scene) -> None:
     settings.epoch_name = names[at] if at < len(names) else ""
     target.bim_verify.color_mode = MODE
     paint.refresh(target)
+    here = bpy.context.view_layer.objects
+    for item in target.objects:  # the voxels are those of the comparison, which the last place of the slider shows
+        if item.get(VOXEL_KEY) in (NEW, DISAPPEARED) and item.name in here:
+            item.hide_set(settings.epoch < settings.epochs)
 
 
 def _paint(mesh: bpy.types.Mesh, rgb: NDArray[np.float64]) -> None:

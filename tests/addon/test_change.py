@@ -78,6 +78,10 @@ def test_gone_voxels_are_a_surface_and_the_second_result_replaces_the_first(
     voxels = {item[change_scene.VOXEL_KEY]: item for item in blender.objects if change_scene.VOXEL_KEY in item}
     assert sum(change_scene.VOXEL_KEY in item for item in blender.objects) == len(voxels)
     assert {code for code, item in voxels.items() if item.hide_get()} == {0, 1}
+    blender.bim_verify_change.epoch = 1
+    assert all(item.hide_get() for item in voxels.values())
+    blender.bim_verify_change.epoch = 2
+    assert {code for code, item in voxels.items() if item.hide_get()} == {0, 1}
     gone = voxels[3].data
     assert len(gone.polygons) > 0 and change_scene.STATE in gone.attributes
 
