@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
-from .file_browser import idle
+from .file_browser import has_model, idle
 from .import_scan import SCAN_FILES
 
 
@@ -26,7 +26,7 @@ class BIMVERIFY_OT_add_reference(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return idle(cls)
+        return has_model(cls, context) and idle(cls)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event | None) -> set[str]:
         context.window_manager.fileselect_add(self)
@@ -58,6 +58,9 @@ class BIMVERIFY_OT_remove_reference(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
+        if not context.scene.bim_verify_change.references:
+            cls.poll_message_set("Add a reference scan first")
+            return False
         return idle(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
