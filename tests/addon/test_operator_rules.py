@@ -17,7 +17,8 @@ from bim_verify.bim_verify_addon.operators.file_browser import FileJob
 from bim_verify.bim_verify_addon.session import SESSION, RunningJob
 
 ONLY_WRITE_FILES = {
-    "export_ifc", "export_bcf", "export_change", "report", "export_table", "export_dimensions", "export_ids", "export_templates",
+    "export_ifc", "export_bcf", "export_change",
+    "report", "export_table", "export_dimensions", "export_ids", "export_templates",
     "update_model", "classify", "simulate", "write_facade",
 }  # fmt: skip
 """They change nothing in the scene, so there is nothing to undo."""
