@@ -1,13 +1,22 @@
-"""The settings of a comparison, and the epoch that is shown."""
+"""The settings of a comparison, the scans of its reference epoch, and the epoch that is shown."""
 
 from __future__ import annotations
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from ..core.options import MOST_MIN_POINTS, ChangeOptions
 
 DEFAULTS = ChangeOptions()
+GROUPING_ITEMS = [
+    ("ONE", "One epoch", "All scans in the list are one epoch"),
+    ("EACH", "Each scan", "Every scan in the list is an epoch of its own, in the order of the list"),
+    ("NUMBERED", "Numbered", "Scans with the same number are one epoch; lower numbers are earlier"),
+]
+LOA_ITEMS = [
+    ("NONE", "None", "No level is asked for"),
+    *((str(level), f"LOA{level}", f"Warn when voxels cannot support LOA{level}") for level in (10, 20, 30, 40, 50)),
+]
 
 
 def _show_epoch(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
@@ -16,16 +25,35 @@ def _show_epoch(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> No
     change_scene.color_elements(self.id_data)
 
 
+class BimVerifyReferenceScan(bpy.types.PropertyGroup):
+    """One scan file of the reference epoch."""
+
+    path: StringProperty(name="File", subtype="FILE_PATH", description="Scan of the epoch to compare with")
+
+
 class BimVerifyChangeSettings(bpy.types.PropertyGroup):
     """Of one scene."""
 
-    reference: StringProperty(
-        name="Reference", subtype="FILE_PATH",
-        description="Scan of the epoch to compare with; empty: the model",
+    references: CollectionProperty(type=BimVerifyReferenceScan)
+    """None: compared with the model."""
+    grouping: EnumProperty(
+        name="Epochs", items=GROUPING_ITEMS, default="ONE", description="Which scans in the list belong to one epoch"
     )
-    each_file: BoolProperty(
-        name="Each scan is an epoch", default=False,
-        description="Take every scan in the list as an epoch of its own, in the order of the list",
+    date: StringProperty(
+        name="Day of the last epoch",
+        description="Like 2025-03-31, for scans that do not say it; what is planned is what should stand on that day",
+    )
+    loa: EnumProperty(
+        name="Level asked for", items=LOA_ITEMS, default="NONE",
+        description="Level of accuracy that the result is wanted for: warns when voxels cannot support it",
+    )
+    registration_known: BoolProperty(
+        name="Registration known", default=False,
+        description="Give the standard deviation of the stations' positions instead of estimating it from their agreement",
+    )
+    registration_sigma_mm: FloatProperty(
+        name="Registration sigma (mm)", default=1.0, min=0, soft_max=50, precision=2,
+        description="Standard deviation of a station's position, millimetres",
     )
     voxel_mm: FloatProperty(
         name="Voxel (mm)", default=1000 * DEFAULTS.voxel, min=1, soft_max=200, precision=0,
@@ -42,3 +70,4 @@ class BimVerifyChangeSettings(bpy.types.PropertyGroup):
     epochs: IntProperty(default=0)
     epoch_name: StringProperty()
     summary: StringProperty()
+    result_key: StringProperty(description="Names the comparison in memory; undo brings an earlier one back")

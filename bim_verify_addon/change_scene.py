@@ -6,13 +6,16 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.change.results import CONFIRMED, DISAPPEARED, NEW, UNKNOWN, ChangeResult
+from ..core.change.results import CONFIRMED, DISAPPEARED, NEW, UNKNOWN, ChangeResult, ElementChange
 from ..core.report.palette import VOXEL_COLORS, to_linear
 from . import frame, materials, scene
 from .point_display import show_as_voxels
 
 STATES_KEY = "bim_verify_states"
 """On element objects: their state at each epoch, joined by spaces; the last one is that of the comparison."""
+NUMBERS_KEY = "bim_verify_change_numbers"
+"""On element objects: what else the comparison says of them, a line each: name, tabulator, value."""
+REASON_KEY = "bim_verify_change_reason"
 EPOCHS_KEY = "bim_verify_epochs"
 MODE = "CHANGE"
 VOXELS = "Voxels"
@@ -37,6 +40,8 @@ def show_change(target: bpy.types.Scene, result: ChangeResult) -> None:
         item = objects.get(found.global_id)
         if item is not None:
             item[STATES_KEY] = " ".join(column[row] for column in columns)
+            item[NUMBERS_KEY] = "\n".join(f"{name}\t{value}" for name, value in _numbers(found))
+            item[REASON_KEY] = found.reason
     target[EPOCHS_KEY] = "\n".join(names)
     _show_voxels(target, result)
     settings = target.bim_verify_change
@@ -50,14 +55,28 @@ def show_change(target: bpy.types.Scene, result: ChangeResult) -> None:
     color_elements(target)
 
 
+def _numbers(found: ElementChange) -> list[tuple[str, str]]:
+    shares = (
+        ("confirmed", found.confirmed_ratio), ("new", found.new_ratio), ("gone", found.disappeared_ratio),
+        ("unknown", found.unknown_ratio),
+    )
+    rows = [("Shares", ", ".join(f"{100 * share:.0f} % {name}" for name, share in shares if share >= 0.005))]
+    if found.volume:
+        rows.append(("Stands", f"{found.built_volume:.3f} of {found.volume:.3f} m3, {found.disappeared_volume:.3f} gone"))
+    if found.shift is not None:
+        rows.append(("Shift", f"{1000 * found.shift:.1f} mm"))
+    return [*rows, ("Progress", found.progress)]
+
+
 def forget(target: bpy.types.Scene) -> None:
     """Take states, epochs and voxels away."""
     for item in scene.element_objects(target).values():
-        item.pop(STATES_KEY, None)
+        for key in (STATES_KEY, NUMBERS_KEY, REASON_KEY):
+            item.pop(key, None)
     _remove_voxels(target)
     target.pop(EPOCHS_KEY, None)
     settings = target.bim_verify_change
-    settings.summary, settings.epochs, settings.epoch_name = "", 0, ""
+    settings.summary, settings.epochs, settings.epoch_name, settings.result_key = "", 0, "", ""
 
 
 def _remove_voxels(target: bpy.types.Scene) -> None:
@@ -73,7 +92,7 @@ def state_now(item: bpy.types.Object) -> str:
 
 
 def color_elements(target: bpy.types.Scene) -> None:
-    """Colour all elements by their state at the epoch that the slider says."""
+    """Colour all elements by their state at the epoch that the slider says; voxels that changed are shown at the last."""
     from . import paint
 
     settings = target.bim_verify_change
@@ -87,6 +106,10 @@ def color_elements(target: bpy.types.Scene) -> None:
     settings.epoch_name = names[at] if at < len(names) else ""
     target.bim_verify.color_mode = MODE
     paint.refresh(target)
+    here = bpy.context.view_layer.objects
+    for item in target.objects:  # the voxels are those of the comparison, which the last place of the slider shows
+        if item.get(VOXEL_KEY) in (NEW, DISAPPEARED) and item.name in here:
+            item.hide_set(settings.epoch < settings.epochs)
 
 
 def _paint(mesh: bpy.types.Mesh, rgb: NDArray[np.float64]) -> None:
@@ -114,6 +137,7 @@ def _show_voxels(target: bpy.types.Scene, result: ChangeResult) -> None:
     _remove_voxels(target)
     place = frame.stored(target) or frame.ViewFrame()
     cloud = result.voxels
+    points = []
     for code, name in NAMES.items():
         index = cloud.index[cloud.state == code]
         if not len(index):
@@ -139,6 +163,10 @@ def _show_voxels(target: bpy.types.Scene, result: ChangeResult) -> None:
         item[frame.ORIGIN_KEY] = [float(v) for v in middle]
         frame.place(item, place)
         scene.collection(target, VOXELS).objects.link(item)
-        if not len(quads) and item.name in bpy.context.view_layer.objects:
+        if not len(quads):
+            points.append(item)
+    bpy.context.view_layer.update()  # until then it does not know the new objects
+    for item in points:
+        item.hide_render = True
+        if item.name in bpy.context.view_layer.objects:
             item.hide_set(True)
-            item.hide_render = True

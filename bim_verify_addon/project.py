@@ -55,6 +55,17 @@ def scan_paths(settings: bpy.types.PropertyGroup) -> list[str]:
     return [bpy.path.abspath(scan.path) for scan in settings.scans if scan.use and not scan.dense]
 
 
+def epochs(settings: bpy.types.PropertyGroup, grouping: str) -> list[list[str]]:
+    """The scan files in use by epoch, earliest first: all as ONE, EACH its own, or NUMBERED by the scans' ``epoch``."""
+    paths = scan_paths(settings)
+    if grouping == "EACH":
+        return [[path] for path in paths]
+    if grouping == "ONE":
+        return [paths]
+    number = [scan.epoch for scan in settings.scans if scan.use and not scan.dense]
+    return [[path for path, n in zip(paths, number, strict=True) if n == epoch] for epoch in sorted(set(number))]
+
+
 def result(scene: bpy.types.Scene) -> VerificationResult | None:
     """The result that the scene shows, with the decisions made since; None when it is not in memory (any more)."""
     from . import verdicts

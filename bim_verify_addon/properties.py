@@ -82,6 +82,9 @@ class BimVerifyScan(bpy.types.PropertyGroup):
         name="Dense points of photos",
         description="Points of a dense match, made with the photogrammetric project among the scans: no rays, occupied only",
     )
+    epoch: IntProperty(
+        name="Epoch", default=1, min=1, soft_max=20, description="Scans with the same number were made in the same epoch"
+    )
 
 
 class BimVerifyCount(bpy.types.PropertyGroup):

@@ -8,14 +8,18 @@ from __future__ import annotations
 import threading
 import uuid
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
+    from ..core.change.results import ChangeResult
     from ..core.model.elements import BuildingModel
     from ..core.results import AlignmentRecord, VerificationResult
 
+T = TypeVar("T")
 RESULTS_KEPT = 3
 """Results are large; undo steps farther back ask to verify again."""
+COMPARISONS_KEPT = 1
+"""Their voxels can fill gigabytes."""
 
 
 @dataclass
@@ -28,6 +32,14 @@ class RunningJob:
     seconds_left: float | None = None
 
 
+def _keep(store: dict[str, T], result: T, most: int) -> str:
+    key = uuid.uuid4().hex
+    store[key] = result
+    while len(store) > most:
+        del store[next(iter(store))]
+    return key
+
+
 @dataclass
 class Session:
     """One per Blender process."""
@@ -36,6 +48,8 @@ class Session:
     """Scene name -> model."""
     results: dict[str, VerificationResult] = field(default_factory=dict)
     """``scene.bim_verify.result_key`` -> result, so that undo in Blender brings the earlier one back."""
+    comparisons: dict[str, ChangeResult] = field(default_factory=dict)
+    """``scene.bim_verify_change.result_key`` -> comparison."""
     alignments: dict[str, AlignmentRecord] = field(default_factory=dict)
     job: RunningJob | None = None
     ending: threading.Thread | None = None
@@ -43,16 +57,17 @@ class Session:
 
     def keep(self, result: VerificationResult) -> str:
         """Remember a result and return its key; only the latest few are kept."""
-        key = uuid.uuid4().hex
-        self.results[key] = result
-        while len(self.results) > RESULTS_KEPT:
-            del self.results[next(iter(self.results))]
-        return key
+        return _keep(self.results, result, RESULTS_KEPT)
+
+    def keep_comparison(self, result: ChangeResult) -> str:
+        """The same for a comparison."""
+        return _keep(self.comparisons, result, COMPARISONS_KEPT)
 
     def clear(self) -> None:
         """Forget everything (another file was opened, or the extension was disabled)."""
         self.models.clear()
         self.results.clear()
+        self.comparisons.clear()
         self.alignments.clear()
         self.job = None
 

@@ -1,13 +1,14 @@
 """States of elements on simulated campaigns with known demolition, new walls, moved elements, clutter and occlusion.
 
     python scripts/bench_change.py [MODEL.ifc ...] [--seeds 1 2] [--scanner fast] [--voxel-mm 10]
-        [--sample-spacing-mm 50] [--threads N]
+        [--sample-spacing-mm 50] [--threads N] [--cuts 0.15] [--keep FOLDER]
 
 Without files, the demo house made in code is used. For each model and seed there are two campaigns from stations of their
 own: a reference in which some elements are not built yet, and an epoch in which these are built, others are gone, some moved,
-and boxes and a person stand about. Scored are the epoch against the reference, and both against the model. Printed are
-precision and recall of the states among decided elements, hidden elements called disappeared, and volumes of elements that
-were seen from (nearly) everywhere.
+with ``--cuts`` walls and slabs of which an end or a stretch is cut away, and boxes and a person stand about. Scored are the
+epoch against the reference, and both against the model. Printed are precision and recall of the states among decided elements,
+hidden elements called disappeared, and volumes of elements that were seen from (nearly) everywhere; of cut ones also those of
+which half was seen.
 """
 
 from __future__ import annotations
@@ -28,13 +29,17 @@ from bim_verify.core.jobs import change
 from bim_verify.core.model.elements import BuildingModel
 from bim_verify.core.model.load import load_model
 from bim_verify.core.options import ChangeOptions
+from bim_verify.core.report.change_files import remaining_volume
 from bim_verify.core.simulation.campaign import Campaign, make_campaign, write_campaign
+from bim_verify.core.simulation.cut import element_corners, removed_share
 from bim_verify.core.simulation.scanner import PRESETS
 from bim_verify.core.simulation.scene import Edit
 
 LEAST_WITNESSED = 0.25
 """Elements of which the returns prove less are not scored, except that none of them may be called disappeared."""
-FULLY = 0.9
+FULLY, HALF = 0.9, 0.5
+NOTHING_OF_IT = 0.1
+"""Where less of the part that was cut away, or of the part that stands, is witnessed, the other part may be all."""
 SHIFTS_M = (0.004, 0.06, 0.12, 0.2)
 
 
@@ -47,11 +52,11 @@ def made_in_code(folder: Path) -> list[Path]:
     return [path]
 
 
-def campaigns(model: BuildingModel, seed: int, scanner: str) -> tuple[Campaign, Campaign, set[int]]:
+def campaigns(model: BuildingModel, seed: int, scanner: str, cuts: float) -> tuple[Campaign, Campaign, set[int]]:
     """(reference, epoch, rows built in between)."""
     epoch = make_campaign(
         model, seed=seed, remove_share=0.12, shift_share=0.12, shifts_m=SHIFTS_M, clutter=6, people=1,
-        scanner=PRESETS[scanner], pose_noise=(0.0008, 2e-5),
+        scanner=PRESETS[scanner], pose_noise=(0.0008, 2e-5), cut_share=cuts,
     )
     before = make_campaign(
         model, seed=seed + 1000, remove_share=0.12, shift_share=0.0, clutter=2, scanner=PRESETS[scanner],
@@ -62,8 +67,10 @@ def campaigns(model: BuildingModel, seed: int, scanner: str) -> tuple[Campaign, 
     return before, epoch, built
 
 
-def expected(model: BuildingModel, row: int, edit: Edit | None, built: bool, tolerance: float) -> set[str]:
-    """States that are right for an element."""
+def expected(
+    model: BuildingModel, row: int, edit: Edit | None, built: bool, tolerance: float, fact: dict[str, Any]
+) -> set[str]:
+    """States that are right for an element; ``fact`` is what the truth says of it."""
     from bim_verify.core.change.overlap import overlap
 
     if built:
@@ -72,6 +79,9 @@ def expected(model: BuildingModel, row: int, edit: Edit | None, built: bool, tol
         return {"CONFIRMED"}
     if edit.kind == "remove":
         return {"DISAPPEARED"}
+    if edit.kind == "cut":
+        either = {"CONFIRMED"} if fact["witnessed_gone"] < NOTHING_OF_IT else set()
+        return {"PARTIAL"} | either | ({"DISAPPEARED"} if fact["witnessed_left"] < NOTHING_OF_IT else set())
     if abs(edit.offset) <= 0.6 * tolerance:
         return {"CONFIRMED"}
     if abs(edit.offset) < 1.5 * tolerance:
@@ -88,6 +98,8 @@ def main() -> None:
     parser.add_argument("--voxel-mm", type=float, default=10.0)
     parser.add_argument("--sample-spacing-mm", type=float, default=1000 * ChangeOptions().sample_spacing)
     parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--cuts", type=float, default=0.0, help="share of the walls and slabs that are cut")
+    parser.add_argument("--keep", type=Path, help="folder for the campaigns' scans and truths")
     parser.add_argument("--misses", type=int, default=12)
     options = parser.parse_args()
     settings = ChangeOptions(
@@ -95,13 +107,13 @@ def main() -> None:
     )
     tally = Tally(change_tolerance(settings.voxel, settings.sigma, 0.001))
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+        folder = options.keep or Path(name)
         for path in options.models or made_in_code(folder):
             model = load_model(path)
             for seed in options.seeds:
-                before, epoch, built = campaigns(model, seed, options.scanner)
-                then = write_campaign(before, folder / "before")
-                now = write_campaign(epoch, folder / "now")
+                before, epoch, built = campaigns(model, seed, options.scanner, options.cuts)
+                then = write_campaign(before, folder / f"{path.stem}_{seed}_before")
+                now = write_campaign(epoch, folder / f"{path.stem}_{seed}_now")
                 result = change(model, [[now.scan_path]], [then.scan_path], settings)
                 print(f"{path.name} seed {seed}: " + ", ".join(f"{k} {v:.0f} s" for k, v in result.timings.items()), flush=True)
                 where = f"{path.name} seed {seed}"
@@ -111,7 +123,13 @@ def main() -> None:
                 assert result.reference is not None
                 tally.states(f"{where}, model (reference)", model, result.reference.states, before.edits, set(), then.truth)
                 tally.amounts(where, result, epoch.edits, now.truth, then.truth)
+                tally.cuts(where, model, result, epoch.edits, now.truth, then.truth)
     tally.report(options.misses)
+
+
+def spread(errors: np.ndarray) -> str:
+    """Median and largest, percent."""
+    return f"{100 * np.median(errors):.1f} % ({100 * errors.max():.1f} %)"
 
 
 @dataclasses.dataclass
@@ -122,6 +140,8 @@ class Tally:
     """Metres within which the voxels do not tell two places apart."""
     table: Counter[tuple[str, str]] = dataclasses.field(default_factory=Counter)
     volumes: list[tuple[float, str]] = dataclasses.field(default_factory=list)
+    cut: list[tuple[float, float, float, float, str]] = dataclasses.field(default_factory=list)
+    """Partly demolished: share seen, errors of the volumes standing, gone and of the remaining shape (of the planned), name."""
     false_gone: list[str] = dataclasses.field(default_factory=list)
     misses: list[str] = dataclasses.field(default_factory=list)
     shared: int = 0
@@ -145,7 +165,7 @@ class Tally:
                 continue
             if before is not None and before["elements"][element.global_id]["witnessed"] < LEAST_WITNESSED:
                 continue
-            right = expected(model, row, edit, row in built, self.tolerance)
+            right = expected(model, row, edit, row in built, self.tolerance, fact)
             self.table[state if state in right else min(right), state] += 1
             if reasons and state == "UNKNOWN" and "may be either" in reasons[row]:
                 self.shared += 1
@@ -167,6 +187,25 @@ class Tally:
             name = f"{where} {found.ifc_class} {found.name} {found.state}, seen {seen:.0%}"
             self.volumes.append((part / found.volume - 1.0, name))
 
+    def cuts(
+        self, where: str, model: BuildingModel, result: ChangeResult, edits: dict[int, Edit], truth: dict[str, Any],
+        before: dict[str, Any],
+    ) -> None:
+        """Enter the volumes of elements that were called partly gone, and are."""
+        for row, edit in edits.items():
+            found = result.elements[row]
+            if edit.kind != "cut" or found.state != "PARTIAL":
+                continue
+            seen = min(t["elements"][found.global_id]["witnessed"] for t in (truth, before))
+            gone = removed_share(element_corners(model, row), edit)
+            shape = remaining_volume(result, row) / found.volume
+            who = f"{where} {found.ifc_class} {found.name}"
+            name = f"{who}, {gone:.0%} cut away, seen {seen:.0%}, unknown {found.unknown_ratio:.0%}"
+            self.cut.append((
+                seen, found.built_volume / found.volume - (1.0 - gone), found.disappeared_volume / found.volume - gone,
+                shape - (1.0 - gone), name,
+            ))
+
     def report(self, most: int) -> None:
         """Print the figures."""
         for line in self.misses[:most]:
@@ -185,6 +224,15 @@ class Tally:
         print(f"standing or hidden elements called disappeared: {len(self.false_gone)}")
         for line in self.false_gone[:5]:
             print("  ", line)
+        for least, named in ((FULLY, "fully"), (HALF, "half")):
+            rows = np.array([c[1:4] for c in self.cut if c[0] >= least])
+            if len(rows):
+                stands, gone, shape = (np.abs(column) for column in rows.T)
+                print(f"of {len(rows)} {named} seen elements that are cut, of the planned volume: standing off by "
+                      f"{spread(stands)}, gone {spread(gone)}, remaining shape {spread(shape)}, all within 5 %: "
+                      f"{int((np.abs(rows) <= 0.05).all(axis=1).sum())}")
+        for _, stands, gone, shape, line in sorted(self.cut, key=lambda c: -max(map(abs, c[1:4])))[:most]:
+            print(f"   standing {100 * stands:+.1f} %, gone {100 * gone:+.1f} %, shape {100 * shape:+.1f} %: {line}")
         if self.volumes:
             error = np.abs([v for v, _ in self.volumes])
             print(f"volumes of {len(error)} fully seen elements: error median {100 * np.median(error):.1f} %, "

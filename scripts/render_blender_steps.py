@@ -42,14 +42,19 @@ FROM_SOUTH, FROM_NORTH = (82.0, -12.0), (82.0, 168.0)
 
 
 def change(inputs: Path, out: Path) -> Iterator[float]:
-    """Two epochs of the demo house."""
+    """Two epochs of the demo house: the later one against the earlier, then the slider on the earlier one alone."""
     yield from house(inputs, scan=inputs / "scan_later.e57")
     settings = bpy.context.scene.bim_verify_change
-    settings.voxel_mm, settings.reference = 30, str(inputs / "scan.e57")
+    settings.voxel_mm = 30
+    bpy.ops.bim_verify.add_reference(filepath=str(inputs / "scan.e57"))
     yield from do("change")
-    bpy.context.scene.bim_verify.color_mode = "CHANGE"
     hide_scans()
-    yield from picture("change", out)
+    frame(buildings())
+    item = next(i for i in buildings() if i.bim_verify.element_name == "Balcony railing west")
+    bpy.context.view_layer.objects.active = item
+    yield from picture("change", out, frame_first=False)
+    settings.epoch = 1
+    yield from picture("change", out, "blender_change_reference", frame_first=False)
 
 
 def quality(inputs: Path, out: Path) -> Iterator[float]:

@@ -10,7 +10,7 @@ import bpy
 from ...core.report import palette
 from .. import change_scene, project
 from ..capability import Capability, Step, StepState
-from ..change_properties import BimVerifyChangeSettings
+from ..change_properties import BimVerifyChangeSettings, BimVerifyReferenceScan
 from ..colors import Category, categorical
 from ..step_parts import main_button, missing, reached
 
@@ -24,13 +24,27 @@ def _state(scene: bpy.types.Scene) -> StepState:
 
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    settings = context.scene.bim_verify_change
-    layout.label(text="Reference (else the model):")
-    layout.prop(settings, "reference", text="")
-    layout.prop(settings, "each_file")
+    settings, scans = context.scene.bim_verify_change, context.scene.bim_verify.scans
+    row = layout.row()
+    row.label(text="Reference:" if settings.references else "Reference: the model")
+    row.operator("bim_verify.add_reference", text="", icon="ADD")
+    for index, scan in enumerate(settings.references):
+        row = layout.row()
+        row.label(text=scan.name, icon="FILE")
+        row.operator("bim_verify.remove_reference", text="", icon="REMOVE").index = index
+    if len(scans) > 1:
+        layout.prop(settings, "grouping")
+        if settings.grouping == "NUMBERED":
+            column = layout.column(align=True)
+            for scan in scans:
+                if scan.use and not scan.dense:
+                    column.prop(scan, "epoch", text=scan.name)
+    layout.prop(settings, "date", text="Day")
     main_button(layout, "change", "MOD_BUILD")
-    if settings.epochs:
+    if settings.epochs > 1:
         layout.prop(settings, "epoch", slider=True, text=f"Shown: {settings.epoch_name or 'epoch'}")
+    if settings.summary:
+        layout.operator("bim_verify.export_change", icon="EXPORT")
 
 
 def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -38,12 +52,25 @@ def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column = layout.column(align=True)
     column.prop(settings, "voxel_mm")
     column.prop(settings, "min_points")
+    layout.prop(settings, "loa")
+    layout.prop(settings, "registration_known")
+    row = layout.row()
+    row.active = settings.registration_known
+    row.prop(settings, "registration_sigma_mm")
 
 
 def _numbers(item: bpy.types.Object) -> list[tuple[str, str]]:
     states = str(item.get(change_scene.STATES_KEY, "")).split()
     names = str(bpy.context.scene.get(change_scene.EPOCHS_KEY, "")).split("\n")
-    return [(name or "Change", state.capitalize()) for name, state in zip(names, states, strict=False)]
+    lines = str(item.get(change_scene.NUMBERS_KEY, "")).splitlines()
+    return [
+        *((name or "Change", state.capitalize()) for name, state in zip(names, states, strict=False)),
+        *((name, value) for name, _, value in (line.partition("\t") for line in lines)),
+    ]
+
+
+def _why(item: bpy.types.Object) -> str:
+    return str(item.get(change_scene.REASON_KEY, ""))
 
 
 def _brief(item: bpy.types.Object, vertex: int) -> list[str]:
@@ -57,12 +84,20 @@ def show(scene: bpy.types.Scene, result: Any) -> bool:
 
     if not isinstance(result, ChangeResult):
         return False
-    settings = scene.bim_verify
+    settings, own = scene.bim_verify, scene.bim_verify_change
     settings.model_path = str(Path(result.model.path).resolve())
-    for path in result.epoch.paths:
-        entry = settings.scans.add()
+    for number, epoch in enumerate(result.epochs, start=1):
+        for path in epoch.paths:
+            entry = settings.scans.add()
+            entry.path, entry.name, entry.epoch = str(Path(path).resolve()), Path(path).name, number
+    for path in result.reference.paths if result.reference else ():
+        entry = own.references.add()
         entry.path, entry.name = str(Path(path).resolve()), Path(path).name
-    scene.bim_verify_change.voxel_mm = 1000 * result.edge
+    own.grouping = "ONE" if len(result.epochs) == 1 else "NUMBERED"
+    own.voxel_mm, own.min_points, own.date = 1000 * result.edge, result.options.min_points, result.options.date
+    own.loa = "NONE" if result.options.loa is None else str(result.options.loa)
+    if (sigma := result.options.registration_sigma) is not None:
+        own.registration_known, own.registration_sigma_mm = True, 1000 * sigma
     project.adopt_frame(scene, result.model)
     change_scene.show_change(scene, result)
     return True
@@ -86,8 +121,10 @@ CAPABILITY = Capability(
     Step("change", "Change", _state, _draw, _expert, optional=True),
     MODES,
     BimVerifyChangeSettings,
+    classes=(BimVerifyReferenceScan,),
     numbers=_numbers,
     brief=_brief,
+    why=_why,
     forget=change_scene.forget,
     show=show,
 )

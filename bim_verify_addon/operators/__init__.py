@@ -7,6 +7,7 @@ from .coregister import BIMVERIFY_OT_coregister
 from .decide import BIMVERIFY_OT_decide
 from .displacement import BIMVERIFY_OT_displacement
 from .export_bcf import BIMVERIFY_OT_export_bcf
+from .export_change import BIMVERIFY_OT_export_change
 from .export_ifc import BIMVERIFY_OT_export_ifc
 from .export_other import (
     BIMVERIFY_OT_export_dimensions,
@@ -22,6 +23,7 @@ from .look_through import BIMVERIFY_OT_look_through
 from .plan import BIMVERIFY_OT_plan
 from .quality import BIMVERIFY_OT_quality
 from .reconstruct import BIMVERIFY_OT_reconstruct
+from .reference_scans import BIMVERIFY_OT_add_reference, BIMVERIFY_OT_remove_reference
 from .select_findings import BIMVERIFY_OT_select_findings
 from .show_results import BIMVERIFY_OT_show_results
 from .simulate import BIMVERIFY_OT_simulate
@@ -36,6 +38,9 @@ CLASSES = (
     BIMVERIFY_OT_align,
     BIMVERIFY_OT_verify,
     BIMVERIFY_OT_change,
+    BIMVERIFY_OT_add_reference,
+    BIMVERIFY_OT_remove_reference,
+    BIMVERIFY_OT_export_change,
     BIMVERIFY_OT_coregister,
     BIMVERIFY_OT_look_through,
     BIMVERIFY_OT_select_findings,

@@ -32,16 +32,18 @@ class BIMVERIFY_OT_change(Job["ChangeResult"], bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Work[ChangeResult]:
         from ...core import jobs
+        from ...core.change.planned import check_day
 
         settings, own = context.scene.bim_verify, context.scene.bim_verify_change
         options = ChangeOptions(
             voxel=own.voxel_mm / 1000, min_points=own.min_points, sigma=settings.sigma_mm / 1000,
             sample_spacing=settings.spacing_mm / 1000, scan_frame=settings.scan_frame,
+            loa=None if own.loa == "NONE" else int(own.loa), date=check_day(own.date, own.bl_rna.properties["date"].name),
+            registration_sigma=own.registration_sigma_mm / 1000 if own.registration_known else None,
             origin=project.scanner_position(settings.origin), threads=settings.threads, memory_gb=settings.memory_gb,
         )
-        load, paths = project.model_loader(context.scene), project.scan_paths(settings)
-        epochs = [[path] for path in paths] if own.each_file else [paths]
-        reference = [bpy.path.abspath(own.reference)] if own.reference.strip() else None
+        load, epochs = project.model_loader(context.scene), project.epochs(settings, own.grouping)
+        reference = [bpy.path.abspath(scan.path) for scan in own.references] or None
 
         def work(progress: Progress) -> ChangeResult:
             model = load(progress.part(0.0, 0.1))
@@ -56,6 +58,7 @@ class BIMVERIFY_OT_change(Job["ChangeResult"], bpy.types.Operator):
         SESSION.models[context.scene.name] = value.model
         project.adopt_frame(context.scene, value.model)
         change_scene.show_change(context.scene, value)
+        context.scene.bim_verify_change.result_key = SESSION.keep_comparison(value)
         scene.show_planned(context, False)
         scene.show_colors_in_views()
         self.warn(value.warnings)

@@ -19,6 +19,9 @@ from ..session import SESSION
 from ..sight import look_at_all
 from .file_browser import FileJob, idle
 
+SCAN_FILES = "*.e57;*.las;*.laz;*.ply;*.pcd;*.pts;*.ptx;*.xyz;*.txt;*.asc;*.csv;*.npy;*.json;*.out"
+"""What the file browser shows."""
+
 
 @dataclass(frozen=True)
 class Cloud:
@@ -54,9 +57,7 @@ class BIMVERIFY_OT_import_scan(FileJob[Clouds], bpy.types.Operator):
     filepath: StringProperty(name="File", subtype="FILE_PATH", description="Scan file")
     directory: StringProperty(subtype="DIR_PATH", options={"HIDDEN"})
     files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN"})
-    filter_glob: StringProperty(
-        default="*.e57;*.las;*.laz;*.ply;*.pcd;*.pts;*.ptx;*.xyz;*.txt;*.asc;*.csv;*.npy;*.json;*.out", options={"HIDDEN"}
-    )
+    filter_glob: StringProperty(default=SCAN_FILES, options={"HIDDEN"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -226,6 +226,4 @@ def persistence(kind: Kind, inside: bool, answers: Sequence[bool | None]) -> Per
         return "unknown"
     if same[-1]:
         return "stays" if same == sorted(same) else "temporary"
-    if kind == "NEW" or any(same):
-        return "temporary"
-    return "unknown"  # only the last epoch saw a planned part gone
+    return "temporary" if any(same) else "unknown"  # only the last epoch saw it

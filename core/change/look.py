@@ -58,6 +58,8 @@ class ElementSight:
     reason: str
     silent: float = 0.0
     """Area, mostly near edges, of which beams close by tell nothing though nothing hides it: it is as the rest."""
+    present: float = 1.0
+    """Share of what was seen of its planned surface that is at its place, and its alone."""
 
     @property
     def distance(self) -> float:
@@ -154,7 +156,9 @@ def _sight(
 
     def sight(seen: Seen, reason: str, place: Place = plan, where: bool = True) -> ElementSight:
         silent = float(own.silent[row]) if place is plan else 0.0
-        return ElementSight(seen, place.at, plan.beyond, exposed, vector if where else None, reason, silent)
+        return ElementSight(
+            seen, place.at, plan.beyond, exposed, vector if where else None, reason, silent, own.share(row)
+        )
 
     if best is not plan and _found(best, plan, overlap(model, row, best.shift), context, own, row):
         if length <= tolerance and overlap(model, row, best.fit.vector) > ABSENT_OVERLAP:

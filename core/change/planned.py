@@ -6,10 +6,16 @@ from dataclasses import dataclass, replace
 from datetime import date, datetime
 from typing import Any, Literal
 
+from ..errors import BimVerifyError
 from .parts import DEEPEST
 
 Act = Literal["build", "demolish", ""]
 DEMOLITION = ("DEMOLITION", "REMOVAL", "DISMANTLE", "DISPOSAL")
+UPKEEP = (
+    "ADJUSTMENT", "ATTENDANCE", "CALIBRATION", "EMERGENCY", "INSPECTION", "LOGISTIC", "MAINTENANCE", "MOVE", "OPERATION",
+    "RENOVATION", "SAFETY", "SHUTDOWN", "STARTUP", "TESTING", "TROUBLESHOOTING",
+)
+"""Types of tasks that neither make an element nor take it away: they say nothing of when it stands."""
 STATUS_ACT: dict[str, Act] = {"NEW": "build", "EXISTING": "", "DEMOLISH": "demolish", "TEMPORARY": ""}
 PHASES_GONE = ("demol", "abbruch", "sloop", "removed")
 PHASES_NEW = ("new", "neubau", "nieuw")
@@ -52,7 +58,8 @@ class Planned:
 
 
 def read_planned(file: Any, elements: list[tuple[int, str]]) -> tuple[Planned, ...]:
-    """The plan of elements (STEP id, GlobalId) of an open IFC file: tasks go before phases, phases before the status."""
+    """The plan of elements (STEP id, GlobalId) of an open IFC file: dated tasks go before phases, phases before the status,
+    and that before tasks without dates."""
     tasks = _tasks(file)
     return tuple(_planned(file, step_id, global_id, tasks) for step_id, global_id in elements)
 
@@ -70,6 +77,15 @@ def parse_date(text: str | None) -> date | None:
             return None
 
 
+def check_day(text: str, name: str) -> str:
+    """A day that was asked for under ``name``, as YYYY-MM-DD (empty: none was); BimVerifyError when it is no day."""
+    text = text.strip()
+    try:
+        return text and date.fromisoformat(text).isoformat()
+    except ValueError as error:
+        raise BimVerifyError(f"{name} takes a day like 2025-03-31, not {text!r}.") from error
+
+
 def _planned(file: Any, step_id: int, global_id: str, tasks: dict[int, list[Planned]]) -> Planned:
     import ifcopenshell.util.element as util
 
@@ -83,7 +99,8 @@ def _planned(file: Any, step_id: int, global_id: str, tasks: dict[int, list[Plan
         return stated
     if stages := _stages(found):
         return replace(stages[-1], stages=stages, stated=stated if stated.source else None)
-    return max(found, key=lambda p: p.act == "demolish")  # a demolition comes after the building
+    undated = max(found, key=lambda p: p.act == "demolish")  # a demolition comes after the building
+    return replace(stated, task=undated.task) if stated.source else undated
 
 
 def _tasks_of(product: Any, tasks: dict[int, list[Planned]]) -> list[Planned]:
@@ -139,22 +156,25 @@ def _tasks(file: Any) -> dict[int, list[Planned]]:
     found: dict[int, list[Planned]] = {}
     for relation in file.by_type("IfcRelAssignsToProcess"):
         process = relation.RelatingProcess
-        if process is not None and process.is_a("IfcTask"):
-            plan = _task(process)
+        if process is not None and process.is_a("IfcTask") and (plan := _task(process)) is not None:
             for product in relation.RelatedObjects or ():
                 if product.is_a("IfcProduct"):
                     found.setdefault(product.id(), []).append(plan)
     for relation in file.by_type("IfcRelAssignsToProduct"):
         product = relation.RelatingProduct
         for process in relation.RelatedObjects or ():
-            if process.is_a("IfcTask") and product is not None and product.is_a("IfcProduct"):
-                found.setdefault(product.id(), []).append(_task(process))
+            plan = _task(process) if process.is_a("IfcTask") else None
+            if plan is not None and product is not None and product.is_a("IfcProduct"):
+                found.setdefault(product.id(), []).append(plan)
     return found
 
 
-def _task(task: Any) -> Planned:
+def _task(task: Any) -> Planned | None:
+    """What a task makes of its products; None where it leaves them as they are."""
     start, finish = _dates(task)
     kind = f"{getattr(task, 'PredefinedType', '') or ''} {task.ObjectType or ''}".upper()
+    if kind.partition(" ")[0] in UPKEEP:
+        return None
     act: Act = "demolish" if any(word in kind for word in DEMOLITION) else "build"
     return Planned(act, start, finish, task.Name or task.GlobalId, "task")
 

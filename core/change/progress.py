@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from datetime import date
 
+from .look import ElementSight
 from .planned import Planned
 from .results import ElementChange, GroupProgress, Progressing, State
 
@@ -38,9 +39,8 @@ def judge(plan: Planned, expected: State, found: State) -> tuple[Progressing, bo
     if found == "UNKNOWN" or expected == "UNKNOWN":
         return "cannot tell", None
     stands, gone = found in ("CONFIRMED", "NEW"), found == "DISAPPEARED"
-    if expected == "PARTIAL":
-        untouched = stands if plan.act == "demolish" else gone
-        return ("late", False) if untouched else ("on time", True)
+    if expected == "PARTIAL":  # its task runs, and may begin or end with this element
+        return "on time", True
     if plan.act == "demolish":
         if expected == "CONFIRMED":
             return ("on time", True) if stands else ("early", False)
@@ -53,7 +53,7 @@ def judge(plan: Planned, expected: State, found: State) -> tuple[Progressing, bo
 
 
 def group_progress(
-    elements: Sequence[ElementChange], plans: Sequence[Planned], weight: Sequence[float]
+    elements: Sequence[ElementChange], plans: Sequence[Planned], weight: Sequence[float], day: date | None = None
 ) -> tuple[GroupProgress, ...]:
     """Percent complete per storey, class and task.
 
@@ -61,7 +61,8 @@ def group_progress(
     weight : each element's planned volume (or what stands for it).
 
     Complete is the share of the work that is done: what stands of elements to be built or to be left, what is gone of
-    elements to be demolished. Temporary elements are no part of it.
+    elements to be demolished. Temporary elements are no part of it. Of a task that runs on that ``day``, as much is due as of
+    its time has passed.
     """
     found: list[GroupProgress] = []
     kinds: tuple[tuple[str, Callable[[int], str]], ...] = (
@@ -74,29 +75,38 @@ def group_progress(
         for n in range(len(elements)):
             if not plans[n].temporary and (name := key(n)):
                 groups.setdefault(name, []).append(n)
-        found += [_group(kind, name, rows, elements, plans, weight) for name, rows in sorted(groups.items())]
+        found += [_group(kind, name, rows, elements, plans, weight, day) for name, rows in sorted(groups.items())]
     return tuple(found)
 
 
 def _group(
     kind: str, name: str, rows: list[int], elements: Sequence[ElementChange], plans: Sequence[Planned],
-    weight: Sequence[float],
+    weight: Sequence[float], day: date | None,
 ) -> GroupProgress:
     total = sum(weight[n] for n in rows)
-    seen = done = known = due = 0.0
+    decided = done = known = due = unseen = 0.0
     for n in rows:
         e = elements[n]
-        if e.state == "UNKNOWN":
+        if e.standing_ratio is None:
+            unseen += weight[n]
             continue
-        seen += weight[n]
-        done += weight[n] * _done(_standing(e), plans[n])
+        unseen += weight[n] * e.unknown_ratio
+        decided += weight[n]
+        done += weight[n] * _done(e.standing_ratio, plans[n])
         if e.expected != "UNKNOWN":
             known += weight[n]
-            due += weight[n] * _done({"DISAPPEARED": 0.0, "PARTIAL": 0.5}.get(e.expected, 1.0), plans[n])
+            due += weight[n] * _due(e.expected, plans[n], day)
     return GroupProgress(
-        kind, name, len(rows), done / seen if seen > 0 else None, due / known if known > 0 else None,  # type: ignore[arg-type]
-        1.0 - seen / total if total > 0 else 1.0,
+        kind, name, len(rows), done / decided if decided > 0 else None, due / known if known > 0 else None,  # type: ignore[arg-type]
+        unseen / total if total > 0 else 1.0,
     )
+
+
+def _due(expected: State, plan: Planned, day: date | None) -> float:
+    """Share of the work on an element that should be done."""
+    if expected == "PARTIAL" and plan.start and plan.finish and day:
+        return (day - plan.start).days / max((plan.finish - plan.start).days, 1)
+    return _done({"DISAPPEARED": 0.0, "PARTIAL": 0.5}.get(expected, 1.0), plan)
 
 
 def _done(standing: float, plan: Planned) -> float:
@@ -104,8 +114,18 @@ def _done(standing: float, plan: Planned) -> float:
     return 1.0 - standing if plan.act == "demolish" else standing
 
 
-def _standing(e: ElementChange) -> float:
-    if e.state != "PARTIAL":
-        return 0.0 if e.state == "DISAPPEARED" else 1.0
-    known = e.confirmed_ratio + e.new_ratio + e.disappeared_ratio
-    return (e.confirmed_ratio + e.new_ratio) / known if known > 0 else 0.5
+
+def standing_ratio(found: ElementSight, state: State, shares: tuple[float, float, float, float]) -> float | None:
+    """Share of an element that stands at its planned place, against the model; None where that was not decided.
+
+    shares : of its volume, confirmed, disappeared, new and unknown. These are no measure of it: rays tell of all the
+    thickness of a part that is gone, but only of that face of the rest which they met.
+    """
+    if state == "UNKNOWN":
+        return None
+    if state != "PARTIAL":
+        return 0.0 if state == "DISAPPEARED" else 1.0
+    if found.seen != "MOVED":
+        return found.present
+    known = shares[0] + shares[1]
+    return shares[0] / known if known > 0 else 0.5

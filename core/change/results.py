@@ -52,6 +52,9 @@ class ElementChange:
     reason: str
     moved: bool = False
     """It stands, but not where it was planned."""
+    standing_ratio: float | None = None
+    """Share of it that stands now at its planned place, as far as it was seen: what was not seen is taken to be like what was.
+    None where that was not decided."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +95,25 @@ class EpochRecord:
     registration_sigma: float
     states: tuple[State, ...]
     """One per element, against the model."""
+    progress: tuple[GroupProgress, ...] = ()
+    """As of its own day."""
+
+
+@dataclass(frozen=True)
+class VoxelCounts:
+    """Voxels by state between two epochs, or an epoch and the model; only those that some epoch saw."""
+
+    epoch: str
+    against: str
+    """Name of the epoch before, or ``model``."""
+    confirmed: int
+    new: int
+    disappeared: int
+    unknown: int
+
+    @property
+    def total(self) -> int:
+        return self.confirmed + self.new + self.disappeared + self.unknown
 
 
 @dataclass(frozen=True)
@@ -102,10 +124,11 @@ class GroupProgress:
     name: str
     elements: int
     complete: float | None
-    """Work done (built, left, or demolished, as planned), of what was observed; None when nothing was."""
+    """Work done (built, left, or demolished, as planned), of the elements that were decided; None when none was."""
     planned: float | None
-    """Work that should be done at the scan's date, of what was observed and has a plan; None when nothing has."""
+    """Work that should be done at the scan's date, of what was decided and has a plan; None when nothing has."""
     not_observed: float
+    """Share of the planned volume of which no surface was found and through which no ray passed."""
 
 
 @dataclass(frozen=True)
@@ -123,9 +146,13 @@ class ChangeResult:
     reference: EpochRecord | None
     planned: tuple[Planned, ...]
     clusters: tuple[Cluster, ...]
-    """Largest first; a warning says how many smaller ones are left out, if any are."""
+    """Largest first."""
+    clusters_left_out: int
+    """Smaller ones that are not listed; a warning says so, too."""
     groups: tuple[GroupProgress, ...]
     voxels: VoxelCloud
+    voxel_counts: tuple[VoxelCounts, ...]
+    """The comparison itself first, then each epoch with the one before, the last with the first, and each with the model."""
     anchor: tuple[float, float, float]
     """Corner of voxel (0, 0, 0), metres, model frame."""
     remaining: tuple[int, ...]

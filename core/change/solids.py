@@ -20,6 +20,8 @@ from ..progress import Progress
 NUDGE_M = (1.1e-6, 1.3e-6, 1.7e-6)
 """Middles are moved by this, so that faces at whole millimetres never go through one."""
 CELLS_AT_ONCE = 8_000_000
+BLOCK_SIDE = 512
+"""Voxels of a block along x and y, so that memory follows the solid and not the box around it."""
 BYTES_PER_CELL = 9
 """Element, wanted, labels and states of two epochs, and their copies while they are made."""
 THIN_SHARE = 0.5
@@ -99,13 +101,48 @@ def voxelise(model: BuildingModel, grid: VoxelGrid, progress: Progress | None = 
     return SolidVoxels(grid, table, element, counts, volume)
 
 
-def solid_voxels_of(model: BuildingModel, edge: float, row: int) -> NDArray[np.int64]:
-    """(N, 3) the voxels whose middle lies inside one closed element, in the grid of ``voxelise``."""
+@dataclass(frozen=True)
+class VoxelBox:
+    """Numbers for the voxels of a box, eight bytes each; those around it have numbers of their own, too."""
+
+    low: NDArray[np.int64]
+    """(3,) its first voxel."""
+    size: NDArray[np.int64]
+    """(3,)"""
+
+    @classmethod
+    def around(cls, first: NDArray[np.int64], last: NDArray[np.int64]) -> VoxelBox:
+        """The box of all voxels from ``first`` to ``last`` (3,)."""
+        return cls(first - 1, last - first + 3)
+
+    def code(self, index: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(N,) numbers of voxels (N, 3) in the box."""
+        x, y, z = (index - self.low).T
+        return np.asarray((x * self.size[1] + y) * self.size[2] + z, np.int64)
+
+    def index(self, code: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(N, 3) the voxels with these numbers."""
+        rest, z = np.divmod(code, self.size[2])
+        x, y = np.divmod(rest, self.size[1])
+        return np.stack([x, y, z], axis=1) + self.low
+
+    def step(self, side: NDArray[np.int64]) -> int:
+        """By how much the number of a voxel's neighbour on that side (3,) is larger."""
+        return int((side[0] * self.size[1] + side[1]) * self.size[2] + side[2])
+
+
+def solid_voxels_of(model: BuildingModel, edge: float, row: int) -> tuple[NDArray[np.int64], VoxelBox]:
+    """The voxels whose middle lies inside one closed element, in the grid of ``voxelise``: sorted numbers, and their box."""
     grid = VoxelGrid.for_model(model.origin, edge)
     start = model.triangle_start
     corner = (model.vertices[model.triangles[start[row] : start[row + 1]]] - grid.anchor - NUDGE_M) / grid.edge
-    found = [np.argwhere(mask)[:, ::-1] + first for mask, first in _inside(corner)] if model.closed[row] else []
-    return np.concatenate([np.zeros((0, 3), np.int64), *found])
+    box = VoxelBox.around(*(np.floor(of(corner, axis=(0, 1))).astype(np.int64) for of in (np.min, np.max)))
+    found = [np.zeros(0, np.int64)]
+    for mask, first in _inside(corner) if model.closed[row] else ():
+        for layer in range(len(mask)):
+            y, x = np.nonzero(mask[layer])
+            found.append(box.code(np.stack([x, y, np.full(len(x), layer)], axis=1) + first))
+    return np.sort(np.concatenate(found)), box
 
 
 class _Owners:
@@ -210,21 +247,33 @@ def _enter_surface(  # type: ignore[no-untyped-def]
 
 
 def _inside(corner: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.int64]]]:
-    """Which voxels (layers, rows, columns) of a box lie inside a closed surface (T, 3, 3) given in voxel units, and the
-    box's first voxel (x, y, z); a few height layers at a time."""
-    low = np.floor(corner.reshape(-1, 3).min(axis=0)).astype(np.int64)
-    high = np.floor(corner.reshape(-1, 3).max(axis=0)).astype(np.int64) + 1
-    size = high - low
-    layers = max(int(CELLS_AT_ONCE // max(size[0] * size[1], 1)), 1)
-    bottom, top = corner[:, :, 2].min(axis=1), corner[:, :, 2].max(axis=1)
-    for first in range(int(low[2]), int(high[2]), layers):
-        last = min(first + layers, int(high[2]))
-        part = np.ascontiguousarray(corner[(top > first) & (bottom < last)])
-        if not len(part):
-            continue
-        turn = np.zeros((last - first, int(size[1]), int(size[0]) + 1), np.int16)
-        _cross_rows(part, low[0], low[1], first, turn)
-        yield _wind(turn), np.array([low[0], low[1], first])
+    """Which voxels (layers, rows, columns) of a block lie inside a closed surface (T, 3, 3) given in voxel units, and the
+    block's first voxel (x, y, z). Blocks of BLOCK_SIDE a side and some height layers, those around the solid alone."""
+    low = np.floor(corner.min(axis=(0, 1))).astype(np.int64)
+    high = np.floor(corner.max(axis=(0, 1))).astype(np.int64) + 1
+    across = np.minimum(high - low, BLOCK_SIDE)
+    layers = max(int(CELLS_AT_ONCE // (across[0] * across[1])), 1)
+    for k0, k1 in _cuts(low[2], high[2], layers):
+        layer = _between(corner, 2, k0, k1)
+        for j0, j1 in _cuts(low[1], high[1], BLOCK_SIDE):
+            strip = _between(layer, 1, j0, j1)
+            for i0, i1 in _cuts(low[0], high[0], BLOCK_SIDE):
+                before = strip[strip[:, :, 0].min(axis=1) < i1]
+                if not len(before) or strip[:, :, 0].max() <= i0:
+                    continue
+                turn = np.zeros((k1 - k0, j1 - j0, i1 - i0 + 1), np.int16)
+                _cross_rows(before, i0, j0, k0, turn)
+                yield _wind(turn), np.array([i0, j0, k0])
+
+
+def _cuts(first: int, last: int, step: int) -> Iterator[tuple[int, int]]:
+    for begin in range(int(first), int(last), step):
+        yield begin, min(begin + step, int(last))
+
+
+def _between(corner: NDArray[np.float64], axis: int, first: int, last: int) -> NDArray[np.float64]:
+    """Triangles (T, 3, 3) that reach into a slice."""
+    return corner[(corner[:, :, axis].max(axis=1) > first) & (corner[:, :, axis].min(axis=1) < last)]
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -241,7 +290,8 @@ def _wind(turn: NDArray[np.int16]) -> NDArray[np.bool_]:
 
 @njit(cache=True, nogil=True, parallel=True)
 def _cross_rows(corner: NDArray[np.float64], i0: int, j0: int, k0: int, turn: NDArray[np.int16]) -> None:
-    """Count, row by row along x, where the surface is entered (+) and left (-), at the first middle behind it."""
+    """Count, row by row along x, where the surface is entered (+) and left (-), at the first middle behind it;
+    what lies before the block counts at its first middle, what lies behind it in the last column, which no voxel has."""
     layers, rows, columns = turn.shape
     for k in prange(layers):
         z = k0 + k + 0.5

@@ -13,7 +13,7 @@ from ..occupancy.bricks import BrickTable
 from ..occupancy.epoch import EMPTY, NEAR, OCCUPIED, UNSEEN, Observation, cell_set
 from ..occupancy.grid import CELLS, VoxelGrid, voxel_index
 from ..occupancy.votes import Occupied
-from .results import CONFIRMED, DISAPPEARED, NEW, NOTHING, UNKNOWN
+from .results import CONFIRMED, DISAPPEARED, NEW, NOTHING, UNKNOWN, VoxelCounts
 from .solids import SolidVoxels
 
 ROWS = 8192
@@ -152,10 +152,20 @@ class VoxelCloud:
     """Of a planned solid, and known not to stand in the last epoch, whether it stood in the reference or not."""
 
 
+def count_states(state: NDArray[np.uint8], seen: NDArray[np.bool_], names: tuple[str, str]) -> VoxelCounts:
+    """How many voxels (B, 512) are in each state, of those that ``voxel_cloud`` takes; ``names`` of epoch and reference."""
+    count = np.zeros(256, np.int64)
+    for begin in range(0, len(state), ROWS):
+        part = state[begin : begin + ROWS]
+        count += np.bincount(part[(part != UNKNOWN) | seen[begin : begin + ROWS]], minlength=256)
+    return VoxelCounts(*names, *(int(count[code]) for code in (CONFIRMED, NEW, DISAPPEARED, UNKNOWN)))
+
+
 def voxel_cloud(
     world: Universe, state: NDArray[np.uint8], seen: NDArray[np.bool_], absent: NDArray[np.bool_]
 ) -> VoxelCloud:
-    """All voxels with a state, except the inside of solids of which nobody saw anything (not ``seen`` (B, 512))."""
+    """All voxels with a state, except the inside of solids of which nobody saw anything (not ``seen`` (B, 512)), and which
+    are not known to be ``absent`` (B, 512)."""
     row, cell = np.nonzero((state != NOTHING) & ((state != UNKNOWN) | seen | absent))
     return VoxelCloud(
         voxel_index(world.table.keys[row], cell), state[row, cell],

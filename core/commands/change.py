@@ -24,7 +24,7 @@ DEFAULT = ChangeOptions()
 
 def change_options(values: Values) -> ChangeOptions:
     """Options of a comparison from a command's values."""
-    from ..change.planned import parse_date
+    from ..change.planned import check_day
 
     larger_than_zero(values, "voxel_mm", "sigma_mm")
     zero_or_more(values, "registration_sigma_mm")
@@ -33,15 +33,13 @@ def change_options(values: Values) -> ChangeOptions:
     if not 1 <= values["min_points"] <= MOST_MIN_POINTS:
         raise BimVerifyError(f"--min-points must be 1 to {MOST_MIN_POINTS}, not {values['min_points']}.")
     registration = values["registration_sigma_mm"]
-    if values["date"] and parse_date(values["date"]) is None:
-        raise BimVerifyError(f"--date takes a day like 2025-03-31, not {values['date']!r}.")
     return ChangeOptions(
         voxel=values["voxel_mm"] / 1000,
         min_points=values["min_points"],
         loa=values["loa"],
         sigma=values["sigma_mm"] / 1000,
         registration_sigma=None if registration is None else registration / 1000,
-        date=values["date"] or "",
+        date=check_day(values["date"] or "", "--date"),
         **input_options(values),
     )
 
@@ -49,7 +47,7 @@ def change_options(values: Values) -> ChangeOptions:
 def _change(values: Values, progress: Progress) -> Outcome:
     from ..change.psets import write_changed_ifc
     from ..jobs import change
-    from ..report.change_files import change_to_json, write_remaining, write_voxels
+    from ..report.change_files import SHAPES, change_to_json, write_remaining, write_voxels
     from ..report.change_page import write_change_report
     from ..report.html import PAGE, TABLE
 
@@ -68,7 +66,7 @@ def _change(values: Values, progress: Progress) -> Outcome:
     if values["voxels"]:
         lines.append(f"{len(result.voxels.state):,} voxels: {values['voxels']}")
     if values["remaining"]:
-        lines.append(f"Remaining shapes of {len(result.remaining)} elements: {values['remaining']}")
+        lines.append(f"Remaining shapes: {Path(values['remaining']) / SHAPES}")
     if values["report"]:
         lines.append(f"Report: {Path(values['report']) / PAGE}")
 
@@ -119,7 +117,7 @@ COMMAND = Command(
         Argument("--min-points", "returns that make a voxel occupied", int, DEFAULT.min_points),
         Argument("--voxels", "PLY file of all voxels with their state"),
         Argument("--report", "folder for the report (one HTML page, one CSV)"),
-        Argument("--remaining", "folder for the remaining shapes of partly demolished elements (OBJ)"),
+        Argument("--remaining", "folder for the remaining shapes of partly demolished elements (OBJ) and a table of them"),
         Argument("--loa", "level of accuracy that the result is wanted for: warns if voxels cannot support it",
                  int, None, (10, 20, 30, 40, 50)),
         Argument("--date", "day of the last epoch, like 2025-03-31, for scans that do not say it"),

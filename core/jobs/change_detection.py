@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from datetime import date
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +21,10 @@ from ..change.decide import element_state, ratios
 from ..change.look import EpochSight, look_at_elements, sensor_model
 from ..change.parts import Parts, read_parts
 from ..change.planned import Planned, parse_date, read_planned
-from ..change.progress import expected_state, group_progress, judge
-from ..change.results import ChangeResult, ElementChange, EpochRecord
+from ..change.progress import expected_state, group_progress, judge, standing_ratio
+from ..change.results import ChangeResult, ElementChange, EpochRecord, VoxelCounts
 from ..change.solids import SolidVoxels, fitting_edge, voxelise
-from ..change.voxels import Universe, compare, universe, voxel_cloud
+from ..change.voxels import Universe, compare, count_states, universe, voxel_cloud
 from ..errors import BimVerifyError
 from ..evidence.collect import StationIndexes
 from ..model.elements import BuildingModel
@@ -41,6 +42,7 @@ from ..sensing.loa import label, supported_level, worst_voxel_shift
 from .inputs import Stopwatch, limited_threads, open_campaign, open_model
 
 Scans = ScanSource | Sequence[str | Path]
+MODEL = "model"
 BESIDE_M = 5.0
 """What is new is looked for in the box around the model, this much larger on all sides."""
 
@@ -143,48 +145,55 @@ def _compare(
     now, before = views[-1], views[0] if has_reference else None
     day = parse_date(options.date or now.date)
     undated = day is None and any(p.dated for p in plans)
-    plans = tuple(p.on(day) for p in plans)
+    days = [*(parse_date(v.date) for v in views[:-1]), day]
     state = _states(world, seen[-1], seen[0] if before else None)
+    anything = np.zeros(state.shape, np.bool_)
+    for epoch in seen:
+        anything |= epoch.state != UNSEEN
     first: Absent | None = None
-    alone = []
-    for view, epoch in zip(views, seen, strict=True):
-        gone = Absent.of(world, state if view is now and before is None else _states(world, epoch, None))
+    weight = [float(v) or 1e-3 for v in solids.volume]
+    alone, with_model, series = [], [], []
+    for view, epoch, its_day in zip(views, seen, days, strict=True):
+        of_view = state if view is now and before is None else _states(world, epoch, None)
+        with_model.append(count_states(of_view, anything, (view.name, MODEL)))
+        gone = Absent.of(world, of_view)
         found = amounts(world, gone, None, epoch, len(model.elements))
-        alone.append(_elements(model, solids, found, view.sight, None, plans, day))
+        on_day = tuple(p.on(its_day) for p in plans)
+        alone.append(_elements(model, solids, found, view.sight, None, on_day, its_day))
+        series.append(group_progress(alone[-1], on_day, weight, its_day))
         first = gone if view is before else first
+    plans = on_day
     elements = planned_now = alone[-1]  # against the model: what the plan is compared with
     if before is not None:
         both = amounts(world, gone, first, seen[-1], len(model.elements))
         elements = tuple(
-            replace(e, expected=p.expected, agrees=p.agrees, progress=p.progress)
+            replace(e, expected=p.expected, agrees=p.agrees, progress=p.progress, standing_ratio=p.standing_ratio)
             for e, p in zip(_elements(model, solids, both, now.sight, before.sight, plans, day), planned_now, strict=True)
         )
-    anything = np.zeros(state.shape, np.bool_)
-    for epoch in seen:
-        anything |= epoch.state != UNSEEN
     cloud = voxel_cloud(world, state, anything, gone.cells)
     named = [(v.name, o) for v, o in zip(views, seen, strict=True)]
     clusters, left_out = find_clusters(
         model, world, cloud, named[1:] if has_reference else named, seen[0] if has_reference else None
     )
     anchor = solids.grid.anchor + model.origin
-    weight = [e.volume or 1e-3 for e in elements]
     records = [
-        replace(_record(model, v), states=tuple(e.state for e in found)) for v, found in zip(views, alone, strict=True)
+        replace(_record(model, v), states=tuple(e.state for e in found), progress=groups)
+        for v, found, groups in zip(views, alone, series, strict=True)
     ]
     if options.date:
         records[-1] = replace(records[-1], date=options.date)
     return ChangeResult(
         model=model, options=options, edge=edge, elements=elements,
         epochs=tuple(records[1:] if has_reference else records), reference=records[0] if has_reference else None,
-        planned=plans, clusters=clusters,
-        groups=group_progress(planned_now, plans, weight), voxels=cloud,
+        planned=plans, clusters=clusters, clusters_left_out=left_out,
+        groups=series[-1], voxels=cloud,
+        voxel_counts=_voxel_counts(world, views, seen, state, anything | gone.cells, with_model, has_reference),
         anchor=(float(anchor[0]), float(anchor[1]), float(anchor[2])),
         remaining=tuple(
             n for n, e in enumerate(planned_now) if e.state == "PARTIAL" and not e.moved and e.disappeared_ratio > 0
         ),
         method=f"bim_verify {__version__} occupancy", timings=watch.seconds,
-        warnings=tuple(_warnings(model, edge, options, views, undated, left_out)),
+        warnings=tuple(_warnings(model, edge, options, views, has_reference, undated, left_out)),
     )
 
 
@@ -192,6 +201,21 @@ def _states(world: Universe, epoch: Observation, reference: Observation | None) 
     state = compare(world, epoch, reference)
     close_gone(world, epoch, state)
     return state
+
+
+def _voxel_counts(
+    world: Universe, views: list[_View], seen: list[Observation], state: NDArray[np.uint8], shown: NDArray[np.bool_],
+    with_model: list[VoxelCounts], has_reference: bool,
+) -> tuple[VoxelCounts, ...]:
+    """See ``ChangeResult.voxel_counts``; ``state`` (B, 512) of the comparison itself."""
+    last = len(views) - 1
+    pairs = [(n, n - 1) for n in range(1, len(views))] + ([(last, 0)] if last > 1 else [])
+    main = count_states(state, shown, (views[-1].name, views[0].name if has_reference else MODEL))
+    others = [
+        count_states(_states(world, seen[n], seen[m]), shown, (views[n].name, views[m].name))
+        for n, m in pairs if not (has_reference and (n, m) == (last, 0))
+    ]
+    return main, *others, *(with_model if has_reference else with_model[:-1])
 
 
 def _elements(
@@ -213,7 +237,7 @@ def _elements(
             element.global_id, element.ifc_class, element.name, element.storey, what, *shares, volume,
             disappeared_volume=shares[1] * volume, built_volume=(shares[0] + shares[2]) * volume,
             shift=_shift(mine, then), expected=expected, agrees=agrees, progress=progress, reason=decision.reason,
-            moved=mine.seen == "MOVED",
+            moved=mine.seen == "MOVED", standing_ratio=standing_ratio(mine, what, shares),
         ))
     return tuple(changes)
 
@@ -246,7 +270,8 @@ def _record(model: BuildingModel, view: _View) -> EpochRecord:
 
 
 def _warnings(
-    model: BuildingModel, edge: float, options: ChangeOptions, views: list[_View], undated: bool, left_out: int
+    model: BuildingModel, edge: float, options: ChangeOptions, views: list[_View], has_reference: bool, undated: bool,
+    left_out: int,
 ) -> Iterator[str]:
     if edge > options.voxel:
         yield (
@@ -267,8 +292,19 @@ def _warnings(
                 f"The {view.name} is sparse: {share:.0%} of its occupied voxels have fewer than {options.min_points} returns, "
                 "and count because a surface there sends no more back."
             )
+    yield from _order(views, has_reference)
     if undated:
         yield "The scans give no date, so dates of tasks were not used; give one with --date."
     if left_out:
         yield f"{left_out:,} smaller groups of new or gone voxels are not listed."
     yield from model.skipped
+
+
+def _order(views: list[_View], has_reference: bool) -> Iterator[str]:
+    """Dates of the scans against the order in which they were given."""
+    dated = [(view.name, day) for view in views if (day := parse_date(view.date)) is not None]
+    wrong = [(a, b) for a, b in pairwise(dated) if b[1] < a[1]]
+    if wrong:
+        said = ", ".join(f"the {b[0]} ({b[1]}) is older than the {a[0]} ({a[1]})" for a, b in wrong)
+        given = "Give the earliest epoch first" + (", the reference before all others." if has_reference else ".")
+        yield f"The scans' dates contradict the order given: {said}. {given}"

@@ -6,7 +6,7 @@ import base64
 from pathlib import Path
 from typing import Any
 
-from ..change.results import PROGRESS, STATES, ChangeResult, State
+from ..change.results import PROGRESS, STATES, ChangeResult, EpochRecord, State
 from ..files import make_folder, whole_file
 from ..progress import Progress
 from ..sensing.loa import label, supported_level, worst_voxel_shift
@@ -41,7 +41,6 @@ def render_change_page(result: ChangeResult) -> str:
     style = _colors() + source("page.css", "change.css")
     environment = templates()
     environment.filters |= {"pct": format_percent, "number": format_number}
-    voxels = [int((result.voxels.state == code).sum()) for code in (1, 2, 3, 0)]
     series = [*([result.reference] if result.reference else []), *result.epochs]
     rows = sorted(
         zip(result.elements, result.planned, strict=True), key=lambda p: (ORDER.index(p[0].state), -p[0].volume)
@@ -62,9 +61,7 @@ def render_change_page(result: ChangeResult) -> str:
             "reference": ", ".join(dict.fromkeys(Path(p).name for p in result.reference.paths))
             if result.reference else "the model itself",
         },
-        voxels=voxels,
         views=voxel_views(result),
-        voxel_total=sum(voxels) or 1,
         series=series,
         series_counts=[[sum(v == s for v in epoch.states) for s in STATES] for epoch in series],
         clusters=result.clusters[:MOST_CLUSTERS],
@@ -72,12 +69,19 @@ def render_change_page(result: ChangeResult) -> str:
         by_id={e.global_id: e for e in result.elements},
         progress=[(p, sum(e.progress == p for e in result.elements)) for p in PROGRESS],
         has_plan=any(p.act or p.source for p in result.planned),
-        groups=result.groups,
+        progress_series=_progress_series(series),
         level=label(supported_level(result.edge)),
         relative_level=label(supported_level(result.edge, relative=True)),
         worst_mm=1000 * worst_voxel_shift(result.edge),
         csv=base64.b64encode(changes_csv(result)).decode("ascii"),
     )
+
+
+def _progress_series(series: list[EpochRecord]) -> list[tuple[str, str, list[float | None]]]:
+    """Kind, name and share that is complete at each epoch, of every group."""
+    known = [{(g.kind, g.name): g.complete for g in epoch.progress} for epoch in series]
+    groups = dict.fromkeys(key for epoch in reversed(known) for key in epoch)
+    return [(kind, name, [epoch.get((kind, name)) for epoch in known]) for kind, name in groups]
 
 
 def headline(result: ChangeResult) -> str:

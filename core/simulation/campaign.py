@@ -22,6 +22,7 @@ from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..scans.campaign import ReturnBlock, Station
 from ..scans.write_e57 import write_e57
+from .cut import choose_cuts
 from .return_truth import truth_columns
 from .scanner import PRESETS, Scanner, scan_bands
 from .scene import Edit, Glass, Prop, Scene, Unevenness, build_scene, face_axes, thinnest_axis
@@ -105,12 +106,14 @@ def make_campaign(
     glass: Glass = "opaque",
     unevenness: float = 0.0,
     any_face: bool = False,
+    cut_share: float = 0.0,
 ) -> Campaign:
     """Choose edits, clutter and stations at random, everything from ``seed``.
 
     ``remove_share`` and ``shift_share`` are shares of the elements that a scanner could see at all; shifts go along the
     element's thinnest axis, both ways, or with ``any_face`` along any of its main faces' normals. ``clutter`` boxes stand on
     floors near walls, ``people`` anywhere on them.
+    Of ``cut_share`` of the walls and slabs (of one at least, where it is not 0) an end or a stretch is cut away.
     ``stations`` None: as many as it takes to see most of what can be seen. ``pose_noise`` is (sigma_t [m], sigma_rot
     [rad]) per axis of the recorded poses. ``unevenness`` [m] is the standard deviation of smooth bumps of all surfaces.
     """
@@ -119,6 +122,8 @@ def make_campaign(
         model, samples, seed=seed, remove_share=remove_share, shift_share=shift_share, shifts_m=shifts_m,
         any_face=any_face,
     )
+    if cut_share > 0:
+        edits |= choose_cuts(model, samples, edits, seed=seed, share=cut_share)
     props = place_props(model, build_scene(model, edits, seed=seed), seed=seed, boxes=clutter, people=people)
     scene = build_scene(model, edits, props, seed=seed)
     stands = find_stand_points(model, scene, seed=seed)
@@ -323,6 +328,9 @@ class _Recorder:
                 "hits": int(self.hits[row]),
                 "area": float(area[row]),
             }
+            if edit is not None and edit.kind == "cut":
+                gone, left = witness.of_cut(row, edit)
+                elements[element.global_id] |= {"witnessed_gone": gone, "witnessed_left": left}
         prop_hits = self.hits[len(model.elements) :]
         return {
             "model": Path(model.path).name,

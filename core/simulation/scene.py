@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..model.elements import BuildingModel
 from ..model.embree import triangle_scene
+from .clip import cut_away
 
 PANE_THICKEST_M = 0.03
 PANE_SMALLEST_M = 0.2
@@ -35,11 +36,14 @@ STEP_BEHIND_GLASS_M = 1e-4
 
 @dataclass(frozen=True)
 class Edit:
-    """How one element was built: not at all, or shifted by ``offset`` metres along the unit vector ``direction``."""
+    """How one element was built: not at all, shifted by ``offset`` metres along the unit vector ``direction``, or without
+    its part between two heights along it."""
 
-    kind: Literal["shift", "remove"]
+    kind: Literal["shift", "remove", "cut"]
     offset: float = 0.0
     direction: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    removed: tuple[float, float] = (0.0, 0.0)
+    """Of a cut: from and to, metres along ``direction`` in the model's local frame; infinite for an end."""
 
     @property
     def vector(self) -> NDArray[np.float64]:
@@ -213,7 +217,7 @@ def build_scene(
     glass: Glass = "opaque",
     unevenness: Unevenness | None = None,
 ) -> Scene:
-    """The model as it was built: elements removed or shifted by ``edits`` (row -> edit), ``props`` added. Local frame.
+    """The model as it was built: elements removed, shifted or cut by ``edits`` (row -> edit), ``props`` added. Local frame.
 
     Reflectances are drawn per owner. ``Scene.names`` are the GlobalIds, then the names of the props.
     """
@@ -221,19 +225,23 @@ def build_scene(
     moved = np.zeros((len(model.elements), 3))
     kept = np.ones(len(model.elements), dtype=np.bool_)
     for row, edit in edits.items():
-        if edit.kind == "remove":
-            kept[row] = False
-        else:
+        if edit.kind == "shift":
             moved[row] = edit.vector
+        else:
+            kept[row] = False
     owner = model.triangle_element
     corners = model.vertices[model.triangles] + moved[owner][:, None, :]
     stays = kept[owner]
     pane = glass_triangles(model) if glass == "clear" else np.zeros(len(owner), dtype=np.bool_)
     parts, owners, panes = [corners[stays]], [owner[stays]], [pane[stays]]
-    for index, prop in enumerate(props):
-        shape = prop.corners()
+    added = [
+        (row, cut_away(corners[owner == row], np.array(edit.direction), *edit.removed))
+        for row, edit in edits.items() if edit.kind == "cut"
+    ]
+    added += [(len(model.elements) + index, prop.corners()) for index, prop in enumerate(props)]
+    for number, shape in added:
         parts.append(shape)
-        owners.append(np.full(len(shape), len(model.elements) + index, dtype=np.int32))
+        owners.append(np.full(len(shape), number, dtype=np.int32))
         panes.append(np.zeros(len(shape), dtype=np.bool_))
     names = [*(e.global_id for e in model.elements), *(p.name for p in props)]
     reflectance = np.random.default_rng((seed, len(names))).uniform(0.25, 0.9, len(names))

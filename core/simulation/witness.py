@@ -129,6 +129,13 @@ class Witness:
         """(E,) share towards which a station that sees it has a return from there or beyond, or from the element."""
         return self._share(self._proven)
 
+    def of_cut(self, row: int, edit: Edit) -> tuple[float, float]:
+        """The same share of one cut element: of the part that was taken away, and of the part that stands."""
+        mine = slice(row * POINTS_PER_ELEMENT, (row + 1) * POINTS_PER_ELEMENT)
+        along = self._points.position[mine] @ np.array(edit.direction)
+        gone, proven = (along > edit.removed[0]) & (along < edit.removed[1]), self._proven[mine]
+        return float(proven[gone].mean()), float(proven[~gone].mean())
+
     def _share(self, what: NDArray[np.bool_]) -> NDArray[np.float64]:
         return what.reshape(-1, POINTS_PER_ELEMENT).mean(axis=1)
 

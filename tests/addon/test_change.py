@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
+import ifcopenshell  # noqa: E402
+import ifcopenshell.util.element  # noqa: E402
 import numpy as np  # noqa: E402
 
 from bim_verify.bim_verify_addon import change_scene, scene  # noqa: E402
+from bim_verify.bim_verify_addon.capabilities.change import CAPABILITY  # noqa: E402
 from bim_verify.bim_verify_addon.headless import save_blend  # noqa: E402
 from bim_verify.core import jobs  # noqa: E402
 from bim_verify.core.change.results import ChangeResult  # noqa: E402
@@ -72,6 +77,11 @@ def test_gone_voxels_are_a_surface_and_the_second_result_replaces_the_first(
         change_scene.show_change(blender, changed)
     voxels = {item[change_scene.VOXEL_KEY]: item for item in blender.objects if change_scene.VOXEL_KEY in item}
     assert sum(change_scene.VOXEL_KEY in item for item in blender.objects) == len(voxels)
+    assert {code for code, item in voxels.items() if item.hide_get()} == {0, 1}
+    blender.bim_verify_change.epoch = 1
+    assert all(item.hide_get() for item in voxels.values())
+    blender.bim_verify_change.epoch = 2
+    assert {code for code, item in voxels.items() if item.hide_get()} == {0, 1}
     gone = voxels[3].data
     assert len(gone.polygons) > 0 and change_scene.STATE in gone.attributes
 
@@ -81,23 +91,112 @@ def test_a_blend_file_is_saved(blender: bpy.types.Scene, changed: ChangeResult, 
     assert (tmp_path / "change.blend").stat().st_size > 1000
 
 
-def test_the_operator_hands_epochs_to_the_job(
-    blender: bpy.types.Scene, house: Path, scan: Path, changed: ChangeResult, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked = []
+@pytest.fixture
+def asked(changed: ChangeResult, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, Any, ChangeOptions]]:
+    """What the operator asks the job for; it gets a comparison that is there already."""
+    calls: list[tuple[Any, Any, ChangeOptions]] = []
 
     def change(model, epochs, reference, options, progress):  # type: ignore[no-untyped-def]
-        asked.append((epochs, reference, options.voxel))
+        calls.append((epochs, reference, options))
         return changed
 
     monkeypatch.setattr(jobs, "change", change)
-    blender.bim_verify.model_path = str(house)
-    for _ in range(2):
-        entry = blender.bim_verify.scans.add()
-        entry.path, entry.use = str(scan), True
-    blender.bim_verify_change.each_file = True
-    blender.bim_verify_change.voxel_mm = 25
+    return calls
+
+
+def _add_scans(scene_of: bpy.types.Scene, house: Path, names: tuple[str, ...]) -> None:
+    scene_of.bim_verify.model_path = str(house)
+    for name in names:
+        entry = scene_of.bim_verify.scans.add()
+        entry.path, entry.use = name, True
+
+
+def test_the_operator_hands_over_all_that_the_command_has(
+    blender: bpy.types.Scene, house: Path, tmp_path: Path, asked: list[tuple[Any, Any, ChangeOptions]]
+) -> None:
+    _add_scans(blender, house, ("/a.e57", "/b.e57", "/c.e57"))
+    settings = blender.bim_verify_change
+    (tmp_path / "r.e57").touch(), (tmp_path / "s.e57").touch()
+    add = bpy.ops.bim_verify.add_reference
+    assert add(directory=str(tmp_path), files=[{"name": "r.e57"}, {"name": "s.e57"}]) == {"FINISHED"}
+    assert add(filepath=str(tmp_path / "r.e57")) == {"FINISHED"} and len(settings.references) == 2
+    settings.voxel_mm, settings.min_points, settings.loa, settings.date = 25, 4, "40", " 2025-03-31 "
+    settings.registration_known, settings.registration_sigma_mm = True, 1.5
+    for grouping, epochs in (
+        ("ONE", [["/a.e57", "/b.e57", "/c.e57"]]),
+        ("EACH", [["/a.e57"], ["/b.e57"], ["/c.e57"]]),
+        ("NUMBERED", [["/b.e57"], ["/a.e57", "/c.e57"]]),
+    ):
+        settings.grouping = grouping
+        for scan, number in zip(blender.bim_verify.scans, (5, 2, 5), strict=True):
+            scan.epoch = number
+        assert bpy.ops.bim_verify.change() == {"FINISHED"}
+        assert asked[-1][0] == epochs and asked[-1][1] == [str(tmp_path / "r.e57"), str(tmp_path / "s.e57")]
+    options = asked[-1][2]
+    assert options.voxel == pytest.approx(0.025) and options.registration_sigma == pytest.approx(0.0015)
+    assert (options.min_points, options.loa, options.date) == (4, 40, "2025-03-31")
+    assert bpy.ops.bim_verify.remove_reference(index=0) == {"FINISHED"}
+    assert bpy.ops.bim_verify.remove_reference(index=0) == {"FINISHED"}
+    settings.loa, settings.date, settings.registration_known = "NONE", "", False
     assert bpy.ops.bim_verify.change() == {"FINISHED"}
-    epochs, reference, voxel = asked[0]
-    assert len(epochs) == 2 and reference is None and voxel == pytest.approx(0.025)
-    assert blender.bim_verify_change.summary
+    _, reference, options = asked[-1]
+    assert reference is None and (options.loa, options.date, options.registration_sigma) == (None, "", None)
+
+
+def test_bad_settings_are_one_sentence(
+    blender: bpy.types.Scene, house: Path, asked: list[tuple[Any, Any, ChangeOptions]]
+) -> None:
+    _add_scans(blender, house, ("/a.e57",))
+    blender.bim_verify_change.date = "soon"
+    with pytest.raises(RuntimeError, match="Day of the last epoch takes a day like 2025-03-31, not 'soon'"):
+        bpy.ops.bim_verify.change()
+    with pytest.raises(RuntimeError, match="No scan file was given"):
+        bpy.ops.bim_verify.add_reference(filepath="/no/such.e57")
+    assert not asked and not blender.bim_verify_change.references
+
+
+def test_after_the_job_colours_slider_numbers_and_files(
+    blender: bpy.types.Scene, house: Path, changed: ChangeResult, asked: list[tuple[Any, Any, ChangeOptions]], tmp_path: Path
+) -> None:
+    _add_scans(blender, house, ("/a.e57", "/b.e57"))
+    settings = blender.bim_verify_change
+    assert not bpy.ops.bim_verify.export_change.poll()
+    assert bpy.ops.bim_verify.change() == {"FINISHED"}
+    assert settings.summary and settings.epochs == 2 and blender.bim_verify.color_mode == change_scene.MODE
+    assert any(change_scene.VOXEL_KEY in item for item in blender.objects)
+    column = next(e for e in changed.elements if e.ifc_class == "IfcColumn")
+    item = scene.element_objects(blender)[column.global_id]
+    assert change_scene.state_now(item) == "DISAPPEARED"
+    settings.epoch = 1
+    assert change_scene.state_now(item) == "CONFIRMED" and settings.epoch_name.startswith("epoch 1")
+    rows = dict(CAPABILITY.numbers(item))
+    assert " % gone" in rows["Shares"] and rows["Progress"] == column.progress
+    assert CAPABILITY.why(item) == column.reason
+    folder = tmp_path / "out"
+    assert bpy.ops.bim_verify.export_change(filepath=str(folder)) == {"FINISHED"}
+    assert sorted(path.name for path in folder.iterdir()) == ["change.json", "changed.ifc", "remaining", "report", "voxels.ply"]
+    assert (folder / "report" / "index.html").stat().st_size > 1000
+    written = ifcopenshell.open(str(folder / "changed.ifc"))
+    sets = ifcopenshell.util.element.get_psets(written.by_guid(column.global_id))
+    assert sets["BimVerify_Change"]["State"] == "DISAPPEARED"
+    assert bpy.ops.bim_verify.export_change(filepath=str(tmp_path / "table"), model=False, page=False, voxels=False,
+                                            remaining=False) == {"FINISHED"}
+    assert [path.name for path in (tmp_path / "table").iterdir()] == ["change.json"]
+    with pytest.raises(RuntimeError, match="Give another folder"):
+        bpy.ops.bim_verify.export_change(filepath=str(folder / "change.json"))
+    change_scene.forget(blender)
+    assert not bpy.ops.bim_verify.export_change.poll()
+
+
+def test_a_saved_scene_knows_its_epochs_and_settings(blender: bpy.types.Scene, changed: ChangeResult) -> None:
+    first, last = (replace(epoch, paths=(f"/{n}.e57", f"/{n}b.e57")) for n, epoch in enumerate(changed.epochs))
+    shown = replace(
+        changed, epochs=(last,), reference=replace(first, name="reference"),
+        options=replace(changed.options, loa=20, date="2025-03-31", registration_sigma=0.002),
+    )
+    assert CAPABILITY.show(blender, shown)
+    settings = blender.bim_verify_change
+    assert [scan.name for scan in settings.references] == ["0.e57", "0b.e57"]
+    assert [(scan.name, scan.epoch) for scan in blender.bim_verify.scans] == [("1.e57", 1), ("1b.e57", 1)]
+    assert (settings.grouping, settings.loa, settings.date, settings.epochs) == ("ONE", "20", "2025-03-31", 3)
+    assert settings.registration_known and settings.registration_sigma_mm == pytest.approx(2.0)

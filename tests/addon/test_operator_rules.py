@@ -17,7 +17,8 @@ from bim_verify.bim_verify_addon.operators.file_browser import FileJob
 from bim_verify.bim_verify_addon.session import SESSION, RunningJob
 
 ONLY_WRITE_FILES = {
-    "export_ifc", "export_bcf", "report", "export_table", "export_dimensions", "export_ids", "export_templates",
+    "export_ifc", "export_bcf", "export_change",
+    "report", "export_table", "export_dimensions", "export_ids", "export_templates",
     "update_model", "classify", "simulate", "write_facade",
 }  # fmt: skip
 """They change nothing in the scene, so there is nothing to undo."""
@@ -60,6 +61,7 @@ def test_it_says_why_it_cannot_run(blender: bpy.types.Scene, cls: type) -> None:
 def test_one_job_at_a_time(verified: bpy.types.Scene, cls: type) -> None:
     verified.bim_verify_displacement.base = verified.bim_verify_displacement.later = "x.e57"
     verified["bim_verify_facades"] = "{}"
+    verified.bim_verify_change.result_key = SESSION.keep_comparison(None)  # type: ignore[arg-type]
     assert asked(cls)[0]
     SESSION.job = RunningJob("Some work")
     try:

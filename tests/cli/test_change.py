@@ -70,11 +70,12 @@ def test_what_is_left_of_a_demolished_wall_is_written(data: Path, half_south: Pa
         "change.json", "--remaining", left_over, "--quiet",
     )
     assert done.returncode == 0, done.stderr
-    assert "Remaining shapes of 1 elements" in done.stdout
+    assert f"Remaining shapes: {left_over / 'remaining.csv'}" in done.stdout
     found = json.loads((place / "change.json").read_text())
     row = [c["name"] for c in found["changes"]].index("South")
     assert found["changes"][row]["state"] == "PARTIAL"
-    (path,) = left_over.iterdir()
+    path, table = sorted(left_over.iterdir())
+    assert table.name == "remaining.csv" and path.name in table.read_text("utf-8-sig")
     assert path.name == f"{found['elements'][row]}.obj"
     lines = [line.split() for line in path.read_text().splitlines()]
     vertices = np.array([line[1:] for line in lines if line[0] == "v"], dtype=np.float64)

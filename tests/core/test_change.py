@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import dataclasses
 import io
+import tracemalloc
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from bim_verify.core.change import solids
 from bim_verify.core.change.amounts import Amount
 from bim_verify.core.change.decide import Decision, element_state, partly_gone, ratios
 from bim_verify.core.change.look import ElementSight
@@ -34,7 +36,7 @@ from bim_verify.core.report.change_page import render_change_page
 from bim_verify.core.report.change_views import voxel_views
 from bim_verify.core.scans.campaign import Station
 from bim_verify.core.sensing.loa import supported_level
-from bim_verify.core.simulation.box_building import ArraySource
+from bim_verify.core.simulation.box_building import ArraySource, box, building_model
 from bim_verify.core.simulation.scene import Prop
 
 from .verify_data import PLAN, REMOVED, built, house, scan, shifted
@@ -58,6 +60,10 @@ def after() -> Any:
     return scan(
         built({"column": REMOVED, "plate": shifted(z=0.2), "east": shifted(x=0.08)}, (CRATE,), HALF), seed=4
     )
+
+
+def dated(source: Any, day: str) -> Any:
+    return dataclasses.replace(source, stations=tuple(dataclasses.replace(s, acquired=day) for s in source.stations))
 
 
 @cache
@@ -145,13 +151,23 @@ def test_an_object_that_was_there_before_stays() -> None:
     result = change(house(), [after(), after()], None, OPTIONS)
     new = [c for c in result.clusters if c.kind == "NEW"]
     assert new and all(c.persistence == "stays" for c in new)
-    gone = change(house(), [scan(built({})), after()], None, OPTIONS)
+    assert not any("contradict" in w for w in result.warnings)
+    gone = change(house(), [dated(scan(built({})), "2024-05-02"), dated(after(), "2024-04-30")], None, OPTIONS)
     crate = min(
         (c for c in gone.clusters if c.kind == "NEW"),
         key=lambda c: float(np.linalg.norm(np.array(c.center) - CRATE.center)),
     )
-    assert crate.persistence == "temporary"
+    assert crate.persistence == "unknown"
     assert [e.name for e in gone.epochs] == ["epoch 1", "epoch 2"]
+    assert (
+        "The scans' dates contradict the order given: the epoch 2 (2024-04-30) is older than the epoch 1 (2024-05-02). "
+        "Give the earliest epoch first."
+    ) in gone.warnings
+    assert [(c.epoch, c.against) for c in gone.voxel_counts] == [
+        ("epoch 2", "model"), ("epoch 2", "epoch 1"), ("epoch 1", "model")
+    ]
+    with_model, between, before_that = gone.voxel_counts
+    assert before_that.disappeared < min(with_model.disappeared, between.disappeared) and before_that.new < between.new
     assert gone.epochs[0].states[list(PLAN).index("column")] == "CONFIRMED"
     assert gone.epochs[1].states[list(PLAN).index("column")] == "DISAPPEARED"
 
@@ -332,6 +348,29 @@ def test_solids_are_filled_and_thin_ones_kept() -> None:
             assert found.count[row] * 0.05**3 == pytest.approx(volume[row], rel=0.13), name
 
 
+def test_solids_do_not_depend_on_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = house()
+    whole = voxelise(model, VoxelGrid.for_model(model.origin, 0.05))
+    monkeypatch.setattr(solids, "BLOCK_SIDE", 7)
+    monkeypatch.setattr(solids, "CELLS_AT_ONCE", 150)
+    blocks = voxelise(model, VoxelGrid.for_model(model.origin, 0.05))
+    assert np.array_equal(whole.element, blocks.element) and np.array_equal(whole.count, blocks.count)
+    assert np.array_equal(whole.table.slot_key, blocks.table.slot_key)
+
+
+def test_memory_follows_the_solid_and_not_its_box() -> None:
+    """A beam of 3.6 m3 across a box of 540 m3: without blocks its voxels took 0.5 GB."""
+    beam = building_model([box("beam", (0.0, 0.0, 3.0), (60.0, 0.2, 3.3))], turn=np.pi / 4)
+    tracemalloc.start()
+    try:
+        found = voxelise(beam, VoxelGrid.for_model(beam.origin, 0.02))
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert found.count[0] * 0.02**3 == pytest.approx(3.6, rel=0.1)
+    assert peak < 100e6
+
+
 def test_overlap_along_a_shift() -> None:
     model = house()
     row = list(PLAN).index("partition")
@@ -356,15 +395,25 @@ def test_outputs_hold_what_was_found(tmp_path: Path) -> None:
     assert set(np.unique(vertex["state"])) <= {0, 1, 2, 3} and len(vertex["x"]) == len(result.voxels.state)
     gone = vertex["state"] == 3
     assert (vertex["red"][gone] > vertex["green"][gone]).all()
+    for found in (result, against_reference()):
+        main = found.voxel_counts[0]
+        counted = [int((found.voxels.state == code).sum()) for code in (1, 2, 3, 0)]
+        assert counted == [main.confirmed, main.new, main.disappeared, main.unknown]
+    names = [(c.epoch, c.against) for c in against_reference().voxel_counts]
+    assert names == [("epoch", "reference"), ("reference", "model"), ("epoch", "model")]
     data = change_to_json(result)
     assert data["elements"] == [e.global_id for e in result.elements]
     described = (Path(__file__).parents[2] / "docs" / "change.md").read_text(encoding="utf-8")
-    for key in (*data, *data["summary"], *data["changes"][0], *data["epochs"][0], *data["clusters"][0], *data["progress"][0]):
+    for key in (*data, *data["summary"], *data["changes"][0], *data["epochs"][0], *data["clusters"][0], *data["progress"][0],
+                *data["voxel_counts"][0]):
         assert f"`{key}`" in described or key in STATES, key
     lines = changes_csv(result).decode("utf-8-sig").splitlines()
     assert len(lines) == len(PLAN) + 1
     page = render_change_page(result)
     assert "<script" not in page and "partition" in page
+    many = dataclasses.replace(result, clusters=result.clusters * 50, clusters_left_out=7)
+    assert f"the JSON file has the {len(many.clusters):,} largest of" in render_change_page(many).replace("\u202f", ",")
+    assert "the JSON file has all" in render_change_page(dataclasses.replace(many, clusters_left_out=0))
 
 
 def test_the_report_shows_progress_without_a_plan_and_pictures_of_all_sides() -> None:

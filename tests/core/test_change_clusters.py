@@ -60,7 +60,7 @@ BLIND = epoch(blind=THING)
         ((NONE, WITH, WITH), "stays", ("epoch 2", "epoch 3")),
         ((BLIND, WITH), "unknown", ("epoch 2",)),
         ((WITH, BLIND, WITH), "stays", ("epoch 1", "epoch 3")),
-        ((NONE, WITH), "temporary", ("epoch 2",)),
+        ((NONE, WITH), "unknown", ("epoch 2",)),
         ((WITH, NONE, WITH), "temporary", ("epoch 1", "epoch 3")),
         ((WITH, NONE), "temporary", ("epoch 1",)),
         ((WITH, NONE, NONE), "temporary", ("epoch 1",)),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,8 @@ from bim_verify.core.change.decide import element_state, ratios
 from bim_verify.core.change.look import ElementSight, Seen
 from bim_verify.core.jobs import change
 from bim_verify.core.options import ChangeOptions
-from bim_verify.core.report.change_files import remaining_mesh
+from bim_verify.core.report.change_files import remaining_mesh, remaining_volume, write_remaining
+from bim_verify.core.simulation.scene import Prop
 
 from .verify_data import PLAN, built, house, scan
 
@@ -50,9 +53,31 @@ def test_volumes_between_epochs_of_a_wall_that_stood_in_part(then: float, now: f
     assert found.confirmed_ratio == pytest.approx(min(then, now) / 4.0, abs=0.05)
     assert found.confirmed_ratio + found.new_ratio + found.disappeared_ratio + found.unknown_ratio == pytest.approx(1.0)
     assert mesh_volume(*remaining_mesh(result, ROW)) == pytest.approx(SECTION_M2 * now, rel=0.05)
+    assert remaining_volume(result, ROW) == pytest.approx(SECTION_M2 * now, rel=0.05)
     assert found.agrees == (now == 4.0) and (ROW in result.remaining) == (now < 4.0)
     percent = next(g.complete for g in result.groups if g.kind == "class" and g.name == "IfcWall")
     assert percent is not None and (percent == 1.0) == (now == 4.0)
+
+
+def test_how_much_of_a_wall_stands_is_told_from_one_side_too() -> None:
+    """Beams that pass tell of all its thickness, those that return of one face only: volumes would say 0.26."""
+    fence = Prop("fence", "box", (6.0, -1.5, 1.5), (16.0, 0.1, 8.0))
+    seen = scan(built({}, (fence,), {"south": (((0.0, -0.2, 0.0), (6.1, 0.0, 3.0)),)}), seed=4)
+    found = change(house(), [seen], None, OPTIONS).elements[list(PLAN).index("south")]
+    assert found.state == "PARTIAL" and found.confirmed_ratio < 0.2
+    assert found.standing_ratio == pytest.approx(0.5, abs=0.06)
+
+
+def test_the_table_of_remaining_shapes_states_volumes_that_voxels_do_not_spoil(tmp_path: Path) -> None:
+    """Half of a ceiling of 20 mm, in voxels of 40 mm: its mesh is twice as thick."""
+    part = {"ceiling": (((0.0, 0.0, 2.7), (3.0, 4.0, 2.72)),)}
+    result = change(house(), [scan(built({}, (), part), seed=6)], None, OPTIONS)
+    written = write_remaining(tmp_path, result)
+    rows = list(csv.DictReader((tmp_path / "remaining.csv").read_text("utf-8-sig").splitlines()))
+    assert [r["File"] for r in rows] == [path.name for path in written]
+    ceiling = next(r for r in rows if r["Name"] == "ceiling")
+    assert float(ceiling["Planned_m3"]) == pytest.approx(0.48)
+    assert float(ceiling["Remaining_m3"]) == pytest.approx(0.24, abs=0.03)
 
 
 def test_a_thin_ceiling_of_which_less_than_half_is_gone_stands_in_part() -> None:

@@ -32,6 +32,8 @@ DEMOLISH = Planned("demolish", date(2024, 1, 1), date(2024, 2, 1), "Demolish wal
         (Planned("demolish", date(2024, 5, 1), date(2024, 5, 2)), DAY, "CONFIRMED", "DISAPPEARED", "should be gone"),
         (Planned("demolish", date(2024, 6, 1), date(2024, 6, 2)), date(2024, 5, 20), "DISAPPEARED", "CONFIRMED", "early"),
         (Planned("build", date(2024, 5, 1), date(2024, 6, 2)), date(2024, 5, 20), "PARTIAL", "PARTIAL", "on time"),
+        (Planned("build", date(2024, 5, 1), date(2024, 6, 2)), date(2024, 5, 1), "DISAPPEARED", "PARTIAL", "on time"),
+        (Planned("demolish", date(2024, 5, 1), date(2024, 6, 2)), date(2024, 5, 1), "CONFIRMED", "PARTIAL", "on time"),
     ],
 )  # fmt: skip
 def test_observed_against_planned(plan: Planned, day: date | None, found: State, state: str, progress: str) -> None:
@@ -70,12 +72,12 @@ def an_element(state: State, plan: Planned, day: date | None = DAY, gone: float 
     progress, agrees = judge(plan, expected, state)
     return ElementChange(
         "g", "IfcWall", "w", "Ground", state, 1.0 - gone, gone, 0.0, 0.0, 1.0, gone, 1.0 - gone, None, expected, agrees,
-        progress, "",
+        progress, "", standing_ratio={"UNKNOWN": None, "PARTIAL": 1.0 - gone}.get(state, float(state != "DISAPPEARED")),
     )
 
 
-def groups(*rows: tuple[ElementChange, Planned, float]) -> dict[tuple[str, str], GroupProgress]:
-    found = group_progress([r[0] for r in rows], [r[1] for r in rows], [r[2] for r in rows])
+def groups(*rows: tuple[ElementChange, Planned, float], day: date | None = None) -> dict[tuple[str, str], GroupProgress]:
+    found = group_progress([r[0] for r in rows], [r[1] for r in rows], [r[2] for r in rows], day)
     return {(g.kind, g.name): g for g in found}
 
 
@@ -94,8 +96,17 @@ def test_demolition_that_is_to_come_is_no_work_due() -> None:
     early = date(2023, 12, 1)
     group = groups((an_element("CONFIRMED", DEMOLISH, early), DEMOLISH, 1.0))["task", "Demolish walls"]
     assert (group.complete, group.planned) == (0.0, 0.0)
-    during = groups((an_element("CONFIRMED", DEMOLISH, date(2024, 1, 15)), DEMOLISH, 1.0))["task", "Demolish walls"]
-    assert (during.complete, during.planned) == (0.0, 0.5)
+    for day, due in ((1, 0.0), (15, 14 / 31), (31, 30 / 31)):
+        now = date(2024, 1, day)
+        during = groups((an_element("CONFIRMED", DEMOLISH, now), DEMOLISH, 1.0), day=now)["task", "Demolish walls"]
+        assert (during.complete, during.planned) == (0.0, pytest.approx(due))
+
+
+def test_a_part_that_was_not_seen_is_not_observed() -> None:
+    """One face of a wall tells that it stands, and nothing of the rest."""
+    seen = dataclasses.replace(an_element("CONFIRMED", Planned()), confirmed_ratio=0.3, unknown_ratio=0.7)
+    group = groups((seen, Planned(), 3.0), (an_element("UNKNOWN", Planned()), Planned(), 1.0))["class", "IfcWall"]
+    assert group.complete == 1.0 and group.not_observed == pytest.approx((0.7 * 3.0 + 1.0) / 4.0)
 
 
 def test_work_is_weighed_by_volume_and_what_was_not_observed_stands_beside() -> None:
@@ -224,6 +235,26 @@ def test_status_is_kept_for_scans_without_a_day() -> None:
     plan = schedule.plan(wall)
     assert plan.on(None).source == "status" and expected_state(plan.on(None), None) == "CONFIRMED"
     assert plan.on(DAY).source == "task" and plan.on(DAY).act == "demolish"
+
+
+def test_tasks_of_upkeep_say_nothing_of_when_an_element_stands() -> None:
+    schedule = Schedule()
+    wall, other = schedule.add("IfcWall"), schedule.add("IfcWall")
+    schedule.task("Repaint", wall, other, kind="MAINTENANCE", start="2030-01-01", finish="2030-02-01")
+    schedule.task("Inspect", wall, kind="ATTENDANCE", start="2024-07-01")
+    schedule.status(wall, "EXISTING")
+    assert schedule.plan(wall).source == "status" and schedule.plan(other) == Planned()
+    assert judge(schedule.plan(wall), expected_state(schedule.plan(wall), DAY), "CONFIRMED") == ("on time", True)
+
+
+@pytest.mark.parametrize(("word", "act"), [("DEMOLISH", "demolish"), ("EXISTING", ""), (None, "build")])
+def test_a_task_without_dates_gives_way_to_the_status(word: str | None, act: str) -> None:
+    schedule = Schedule()
+    wall = schedule.add("IfcWall")
+    schedule.task("Work", wall)
+    if word:
+        schedule.status(wall, word)
+    assert (schedule.plan(wall).act, schedule.plan(wall).task) == (act, "Work")
 
 
 def test_a_task_on_a_whole_reaches_its_parts() -> None:

@@ -7,7 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from bim_verify.core.simulation.scene import Edit, Prop, Scene, build_scene, thinnest_axis
+from bim_verify.core.model.sample_surface import sample_surface
+from bim_verify.core.simulation.clip import body_volume, cut_away, keep_below
+from bim_verify.core.simulation.cut import CUT_CLASSES, VOLUME_SHARE, choose_cuts, element_corners, removed_share
+from bim_verify.core.simulation.scene import Edit, Prop, Scene, build_scene, face_axes, thinnest_axis
 from bim_verify.core.simulation.stand_points import choose_stations, find_stand_points, ground_level, visible_from
 
 from .simulation_data import room, row_of
@@ -52,6 +55,53 @@ def test_thinnest_axis_of_a_tilted_plate() -> None:
     axis, thickness = thinnest_axis(plate)
     np.testing.assert_allclose(axis, rotation[:, 2], atol=1e-9)
     assert thickness == pytest.approx(0.03)
+
+
+def test_a_cut_wall_with_an_opening_is_closed_and_loses_its_part() -> None:
+    opening = Prop("o", "box", (0.0, 0.0, 1.2), (1.0, 0.2, 1.0)).corners()[:, ::-1]  # a hole through the whole thickness
+    wall = np.concatenate([Prop("w", "box", (0.0, 0.0, 1.2), (4.0, 0.4, 2.4)).corners(), opening])
+    whole = 4.0 * 0.4 * 2.4 - 0.2
+    assert body_volume(wall) == pytest.approx(whole)
+    along = np.array([1.0, 0.0, 0.0])
+    for low, high, gone in (
+        (-math.inf, -1.0, 0.96), (0.2, math.inf, 0.4 * 2.4 * 1.8 - 0.06), (-0.25, 0.25, 0.5 * 0.4 * 2.4 - 0.1),
+    ):
+        left = cut_away(wall, along, low, high)
+        assert body_volume(left) == pytest.approx(whole - gone)
+        cross = np.cross(left[:, 1] - left[:, 0], left[:, 2] - left[:, 0])
+        np.testing.assert_allclose(cross.sum(axis=0), 0.0, atol=1e-9)  # closed
+    tilted = np.array([0.6, 0.0, 0.8])
+    halves = keep_below(wall, tilted, 1.0), keep_below(wall, -tilted, -1.0)
+    assert sum(body_volume(h) for h in halves) == pytest.approx(whole)
+
+
+def test_the_scanner_sees_the_cut_face_and_through_the_part_that_is_gone() -> None:
+    model = room()
+    wall = next(row for row, e in enumerate(model.elements) if e.ifc_class == "IfcWall")
+    corners = element_corners(model, wall)
+    along = face_axes(corners)[int(np.argmax(np.ptp(corners.reshape(-1, 3) @ face_axes(corners).T, axis=0)))]
+    place = corners.reshape(-1, 3) @ along
+    middle = float(place.min() + place.max()) / 2
+    edit = Edit("cut", direction=tuple(along), removed=(middle, math.inf))
+    scene = build_scene(model, {wall: edit})
+    assert 0.45 < removed_share(corners, edit) < 0.55
+    stands = scene.corners[scene.owner == wall].reshape(-1, 3) @ along
+    assert (stands.min(), stands.max()) == pytest.approx((place.min(), middle), abs=1e-6)
+    inside = corners.reshape(-1, 3).mean(axis=0) + (middle + 0.3 - corners.reshape(-1, 3).mean(axis=0) @ along) * along
+    hit = scene.cast(inside, -along[None])
+    assert scene.owner[hit.triangle[0]] == wall and hit.distance[0] == pytest.approx(0.3)
+    assert hit.cos_incidence[0] == pytest.approx(1.0)
+
+
+def test_cuts_are_chosen_by_seed_among_walls_and_slabs_that_are_not_edited() -> None:
+    model = room()
+    samples = sample_surface(model, 0.25)
+    walls = {row for row, e in enumerate(model.elements) if e.ifc_class.startswith(CUT_CLASSES)}
+    found = choose_cuts(model, samples, {}, seed=1, share=1.0)
+    assert found and set(found) <= walls and found == choose_cuts(model, samples, {}, seed=1, share=1.0)
+    assert all(VOLUME_SHARE[0] <= removed_share(element_corners(model, row), e) <= VOLUME_SHARE[1] for row, e in found.items())
+    some = next(iter(found))
+    assert some not in choose_cuts(model, samples, {some: Edit("remove")}, seed=1, share=1.0)
 
 
 def test_casting_is_exact_far_beyond_single_precision() -> None:
