@@ -144,6 +144,7 @@ def facade_to_plain(facade: Facade) -> dict[str, Any]:
         "scale_source": scale.source,
         "scale_sigma": scale.relative_sigma,
         "aspect_sigma": scale.aspect_sigma,
+        "corner_source": facade.corner_source,
         "arrangement_x": facade.arrangement_x,
         "arrangement_z": facade.arrangement_z,
         "warnings": facade.warnings,
