@@ -14,7 +14,7 @@ from .records import FacadeBox, Kind
 SILL_M = 0.22
 """Under a door there is a step at most, under a window a wall."""
 LEAST_DOOR_M = 1.75
-ALIKE_M = 0.12
+ALIKE_M, SAME_TYPE_M = 0.12, 0.16
 ARCHED = 0.45
 ROW_OVERLAP = 0.5
 LOWEST_STOREY_M = 2.2
@@ -107,7 +107,7 @@ def floors(boxes: list[tuple[float, float]], height: float) -> tuple[float, ...]
     return tuple(v for v in levels if v < height)
 
 
-def group_types(boxes: list[FacadeBox], tolerance: float = ALIKE_M) -> list[int]:
+def group_types(boxes: list[FacadeBox], tolerance: float = SAME_TYPE_M) -> list[int]:
     """Numbers of groups: same kind, same shape, sizes that agree (average linkage)."""
     numbers = [-1] * len(boxes)
     first = 0

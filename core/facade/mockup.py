@@ -26,7 +26,7 @@ THICKNESS_M, SLAB_M = 0.30, 0.20
 """Of walls and slabs: a photo shows none."""
 LEAST_M = 0.1
 ARCH_STEPS = 16
-SIZE_SIGMA_M = (0.07, 0.09)
+SIZE_SIGMA_M = (0.10, 0.14)
 """Of widths and heights, whose edges may be those of a frame, a sill or a surround: 19 of 20 lie within 1.96 times it."""
 
 

@@ -31,8 +31,8 @@ CONNECTED_M = 0.6
 GIVEN_FLOOR_SIGMA, GROUND_FLOOR_SIGMA = 0.02, 0.1
 """Of a given floor height; and of the distance between the two lowest rows of windows, as a share of the floor height."""
 MAKE_PX, LEAST_PX = 120, 60
-FOUND_CORNER_SIGMA = 0.02
-"""Of corners found by lines, as a share of the facade's larger extent: one of ten is off by more than twice that."""
+FOUND_CORNER_SIGMA = 0.03
+"""Of corners found by lines, as a share of the facade's larger extent: one of ten is off by more, some by far more."""
 
 
 def read_picture(
