@@ -18,7 +18,7 @@ def parse_corners(text: str) -> NDArray[np.float64]:
     except ValueError as error:
         raise BimVerifyError(f"--corners takes X,Y,X,Y,X,Y,X,Y in pixels, not {text[:60]!r}.") from error
     if len(numbers) != 8 or not np.isfinite(numbers).all():
-        raise BimVerifyError(f"--corners takes four corners, eight finite numbers X,Y,X,Y,X,Y,X,Y in pixels, not {text[:60]!r}.")
+        raise BimVerifyError(f"--corners takes four corners, eight numbers X,Y,X,Y,X,Y,X,Y in pixels, not {text[:60]!r}.")
     return numbers.reshape(4, 2)
 
 
