@@ -3,7 +3,7 @@
     python scripts/render_facades.py --out DIR
     python scripts/bench_facade.py DIR [--scale width|height|none] [--corners given|found] [--poor]
 
-Parameters were fixed on seeds 0 to 59; seeds 180 to 239 give the figures of docs/facade.md. ``--poor`` spoils each photo
+Parameters were fixed on seeds 0 to 59; seeds 240 to 299 give the figures of docs/facade.md. ``--poor`` spoils each photo
 first: another light, a colour cast, dark corners, blur, noise, strong compression, 70 % of the pixels. An element of
 which plants or things in the street hide more than half is left out of recall, and finding it counts neither way. Of a
 photo that is refused, all elements count as not found.
