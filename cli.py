@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import signal
 import sys
 import threading
@@ -18,6 +19,7 @@ from .core.files import all_or_none, check_writable
 from .core.progress import Progress
 
 DONE, FAILED, INTERRUPTED = 0, 1, 130
+NUMBERS = re.compile(r"-\.?\d")
 DEBUG = "BIM_VERIFY_DEBUG"
 """Environment variable: when set, an unexpected error shows its traceback."""
 
@@ -86,6 +88,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in COMMANDS:
         sub = commands.add_parser(command.name, help=command.help, description=command.help[0].upper() + command.help[1:])
+        sub._negative_number_matcher = NUMBERS  # no option begins so, and places may: --near -5,0,2
         for argument in command.arguments:
             _add(sub, argument)
         sub.add_argument("--blend", metavar="FILE", help="save the coloured scene (needs Blender or the bpy module)")

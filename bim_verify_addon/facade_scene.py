@@ -21,6 +21,11 @@ BOX_KEY = "bim_verify_facade_box"
 KINDS = ("window", "door")
 KIND_KEY = "kind"
 RISE_KEY = "arch_rise_m"
+FLAT_ARCH = 0.2
+"""Rise of a flat arch over its width."""
+INFERRED_KEY = "inferred_at_m"
+"""On a rectangle that the pattern gave: where it was put. Moved by hand, it is no longer inferred."""
+UNTOUCHED_M = 1e-3
 PHOTO_KEY = "bim_verify_facade_photo"
 DATA_KEY = "bim_verify_facades"
 """On the scene: what was found, without the pictures, as JSON."""
@@ -42,6 +47,8 @@ def show_mockup(target: bpy.types.Scene, made: Mockup) -> None:
             low, high = np.array([box.x0, box.z0]), np.array([box.x1, box.z1])
             item = _rectangle(target, place, start, along, low, high, 2 * BEFORE_M, f"{box.kind.title()} type {box.type + 1}")
             item[BOX_KEY], item[RISE_KEY], item.show_wire = index, float(box.rise), True
+            if box.inferred:
+                item[INFERRED_KEY] = [*low, *high]
             set_kind(item, box.kind)
     footprint = None if made.footprint is None else made.footprint.tolist()
     target[DATA_KEY] = json.dumps({"facades": [facade_to_plain(f) for f in made.facades], "footprint": footprint})
@@ -63,6 +70,12 @@ def rise_of(item: bpy.types.Object) -> float:
     """Of the arch, metres."""
     rise = item.get(RISE_KEY, 0.0)
     return float(rise) if isinstance(rise, int | float) and rise > 0 else 0.0
+
+
+def set_arched(item: bpy.types.Object, arched: bool) -> None:
+    """Give a rectangle the usual flat arch, if it has none, or a straight top."""
+    if arched != (rise_of(item) > 0):
+        item[RISE_KEY] = FLAT_ARCH * float(item.dimensions.x) if arched else 0.0
 
 
 def read_mockup(target: bpy.types.Scene) -> Mockup:
@@ -87,7 +100,9 @@ def read_mockup(target: bpy.types.Scene) -> Mockup:
         start, along = bases[index]
         x, z = (world[:, :2] - start) @ along, world[:, 2]
         low, high = (float(x.min()), float(z.min())), (float(x.max()), float(z.max()))
-        boxes[index].append(FacadeBox(*low, *high, kind_of(item), rise_of(item)))
+        guessed = item.get(INFERRED_KEY)
+        inferred = guessed is not None and np.allclose(list(guessed), [*low, *high], atol=UNTOUCHED_M)
+        boxes[index].append(FacadeBox(*low, *high, kind_of(item), rise_of(item), inferred=inferred))
     return corrected(data["facades"], boxes, footprint)
 
 

@@ -30,6 +30,11 @@ class BimVerifyDisplacementSettings(bpy.types.PropertyGroup):
         name="Registration sigma (mm)", default=1.0, min=0.0, max=999.0,
         description="Standard deviation of the registration between the epochs, millimetres",
     )
+    element: StringProperty(
+        name="Element",
+        description="GlobalId of the wall in the model, in the scans' frame: it gets the property set; empty: the largest "
+        "upright surface",
+    )
     direction: EnumProperty(
         name="Colours",
         items=(
@@ -51,6 +56,7 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     settings = context.scene.bim_verify_displacement
     layout.prop(settings, "base")
     layout.prop(settings, "later")
+    layout.prop(settings, "element")
     main_button(layout, "displacement", "MOD_ARRAY")
     if wall_scene.SUMMARY_KEY in context.scene:
         layout.row().prop(settings, "direction", expand=True)

@@ -24,6 +24,14 @@ def _rise(box: bpy.types.PropertyGroup) -> float:
     return facade_scene.rise_of(box.id_data)
 
 
+def _shape(box: bpy.types.PropertyGroup) -> int:
+    return int(facade_scene.rise_of(box.id_data) > 0)
+
+
+def _set_shape(box: bpy.types.PropertyGroup, value: int) -> None:
+    facade_scene.set_arched(box.id_data, bool(value))
+
+
 def _set_rise(box: bpy.types.PropertyGroup, value: float) -> None:
     box.id_data[facade_scene.RISE_KEY] = value
 
@@ -35,9 +43,13 @@ class BimVerifyFacadeBox(bpy.types.PropertyGroup):
         name="Kind", get=_kind, set=_set_kind, description="What the rectangle stands for",
         items=[("WINDOW", "Window", "A window in an opening"), ("DOOR", "Door", "A door in an opening")],
     )
+    shape: EnumProperty(
+        name="Shape", get=_shape, set=_set_shape, description="Of the opening's top",
+        items=[("RECTANGULAR", "Straight", "A straight top"), ("ARCHED", "Arched", "An arch over its sides")],
+    )
     rise: FloatProperty(
         name="Arch rise", unit="LENGTH", min=0.0, get=_rise, set=_set_rise,
-        description="Of the arch over its sides, metres; zero: a straight top",
+        description="Of the arch over its sides, metres; half of the width: a half circle",
     )
 
 
@@ -74,7 +86,9 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         box = layout.box()
         box.label(text=item.name)
         box.row().prop(item.bim_verify_facade, "kind", expand=True)
-        box.prop(item.bim_verify_facade, "rise")
+        box.row().prop(item.bim_verify_facade, "shape", expand=True)
+        if facade_scene.rise_of(item) > 0:
+            box.prop(item.bim_verify_facade, "rise")
 
 
 def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -25,6 +25,7 @@ class BIMVERIFY_OT_displacement(Job["DisplacementResult"], bpy.types.Operator):
     bl_description = "Say how a panelled wall moved between two scans: its joints, and its face between them"
     bl_options = {"REGISTER", "UNDO"}
     title = "Wall displacement"
+    panel_settings = ("bim_verify_displacement", "element")
 
     element: StringProperty(
         name="Element", description="GlobalId of the wall in the model, in the scans' frame; empty: the largest upright surface"

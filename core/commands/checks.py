@@ -24,6 +24,8 @@ def parse_place(option: str, text: str | None) -> tuple[float, float, float] | N
         x, y, z = (float(part) for part in text.split(","))
     except ValueError as error:
         raise BimVerifyError(f"{option} takes three numbers X,Y,Z in metres, not {text!r}.") from error
+    if not all(map(math.isfinite, (x, y, z))):
+        raise BimVerifyError(f"{option} takes three finite numbers X,Y,Z in metres, not {text!r}.")
     return x, y, z
 
 

@@ -18,7 +18,7 @@ def parse_corners(text: str) -> NDArray[np.float64]:
     except ValueError as error:
         raise BimVerifyError(f"--corners takes X,Y,X,Y,X,Y,X,Y in pixels, not {text[:60]!r}.") from error
     if len(numbers) != 8 or not np.isfinite(numbers).all():
-        raise BimVerifyError(f"--corners takes four corners, eight numbers X,Y,X,Y,X,Y,X,Y in pixels, not {len(numbers)}.")
+        raise BimVerifyError(f"--corners takes four corners, eight numbers X,Y,X,Y,X,Y,X,Y in pixels, not {text[:60]!r}.")
     return numbers.reshape(4, 2)
 
 
@@ -32,12 +32,16 @@ def _facade(values: Values, progress: Progress) -> Outcome:
     larger_than_zero(values, "width", "height", "floor_height")
     images = values["image"]
     outline = values["footprint"]
+    if outline and values["width"]:
+        raise BimVerifyError("The edges of --footprint give the widths of the facades; leave out --width, or the footprint.")
+    if values["floor_height"] and (outline or values["width"] or values["height"]):
+        raise BimVerifyError("--floor-height sets the scale where no length is known; leave it out, or the length.")
     inputs = [*images, *([outline] if outline and outline.lower().endswith("json") else [])]
     outputs = [values[key] for key in ("out", "json") if values[key]]
     check_outputs(inputs, outputs)
     if values["report"]:
         check_report(values["report"], (PAGE,), inputs, outputs)
-    footprint = read_footprint(outline) if outline else None
+    footprint, notes = read_footprint(outline) if outline else (None, [])
     if footprint is None and len(images) > 1:
         raise BimVerifyError("Several facades need the outline they stand on; give --footprint, a corner list or GeoJSON.")
     widths: list[float | None] = []
@@ -61,6 +65,7 @@ def _facade(values: Values, progress: Progress) -> Outcome:
             f"{100 * one.scale.relative_sigma:.1f} %), elements {one.arrangement_x} along x, {one.arrangement_z} along z."
         )
         lines += [f"Note: {warning}" for warning in one.warnings]
+    lines += [f"Note: {note}" for note in notes]
     lines.append(f"Model: {values['out']}")
 
     def write() -> None:

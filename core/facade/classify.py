@@ -14,10 +14,12 @@ from .records import FacadeBox, Kind
 SILL_M = 0.22
 """Under a door there is a step at most, under a window a wall."""
 LEAST_DOOR_M = 1.75
-ALIKE_M = 0.12
+ALIKE_M, SAME_TYPE_M = 0.12, 0.16
 ARCHED = 0.45
 ROW_OVERLAP = 0.5
 LOWEST_STOREY_M = 2.2
+USUAL_SILL_M, BELOW_SILL = 0.85, 0.6
+"""Height of sills above their floor, and the most they are of the wall between two rows: the rest is lintel and slab."""
 TYPICAL_STOREY_M, STOREY_SIGMA = 3.2, 0.12
 """Floor to floor height of buildings of several storeys, and its relative standard deviation."""
 
@@ -75,8 +77,8 @@ def alike_shapes(boxes: list[FacadeBox], tolerance: float = ALIKE_M) -> list[Fac
 def floors(boxes: list[tuple[float, float]], height: float) -> tuple[float, ...]:
     """Heights of the floors from the (z0, z1) of the windows: one floor a row, evenly spaced above the second.
 
-    A floor lies below the sills of its row by the space that the rows leave: its level is taken as the middle of what lies
-    between two rows, less where windows reach down to it.
+    A floor lies below the sills of its row by what sills usually have, or by most of the space that the rows leave where that
+    is less.
     """
     if not boxes:
         return (0.0,)
@@ -101,11 +103,11 @@ def floors(boxes: list[tuple[float, float]], height: float) -> tuple[float, ...]
     for below, above in itertools.pairwise(kept):
         top, foot = float(np.median([s[1] for s in below])), float(np.median([s[0] for s in above]))
         gap = max(foot - top, 0.0)
-        levels.append(max(foot - 0.75 * gap, levels[-1] + 0.1))
+        levels.append(max(foot - min(USUAL_SILL_M, BELOW_SILL * gap), levels[-1] + 0.1))
     return tuple(v for v in levels if v < height)
 
 
-def group_types(boxes: list[FacadeBox], tolerance: float = ALIKE_M) -> list[int]:
+def group_types(boxes: list[FacadeBox], tolerance: float = SAME_TYPE_M) -> list[int]:
     """Numbers of groups: same kind, same shape, sizes that agree (average linkage)."""
     numbers = [-1] * len(boxes)
     first = 0

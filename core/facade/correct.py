@@ -40,4 +40,5 @@ def _from_plain(data: dict[str, Any]) -> Facade:
         np.array(data["corners_px"], dtype=np.float64),
         picture,
         warnings=list(data["warnings"]),
+        corner_source="LINES" if data.get("corner_source") == "LINES" else "GIVEN",
     )

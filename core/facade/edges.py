@@ -18,6 +18,8 @@ OUTER_SHARE = 0.3
 FAINT_SHARE = 0.12
 """The other edge of a surround, where one of the two is strong."""
 IN_LINE_M = 0.12
+OWN_SHARE = 0.1
+"""An edge that several have in line is one's own if it has this share of one's strongest."""
 SURROUND_M, EQUAL_M = (0.085, 0.26), 0.035
 OUTLINE_M = 0.07
 """Where the outline in colour has no straight edge within this, the edge is weak."""
@@ -112,17 +114,21 @@ def _lines_of(seen: Features, boxes: list[PixelBox], own: list[int], side: str, 
         outward = min([outward, *(0.5 * _gap(boxes, k, side) for k in members)])
         low = near - (outward if outer < 0 else inward)
         high = near + (inward if outer < 0 else outward)
-        total = None
+        profiles = {}
         for k in members:
             profile = _profile(seen, boxes[k], along_x)
             part = profile[max(round(low), 0) : round(high) + 1]
-            profile = profile / max(float(part.max(initial=0.0)), 1e-6)
-            total = profile if total is None else total + profile
-        assert total is not None
-        lines = _peaks(total, low, high, outer, share) or [near]
+            profiles[k] = profile / max(float(part.max(initial=0.0)), 1e-6)
+        lines = _peaks(np.sum(list(profiles.values()), axis=0), low, high, outer, share) or [near]
         for k in members:
-            out[k] = lines
+            # a door's edge is not that of the window over it
+            out[k] = [v for v in lines if _at(profiles[k], v) > OWN_SHARE] or lines
     return out
+
+
+def _at(profile: NDArray[np.float32], place: float) -> float:
+    """The strongest of the pixels next to a place."""
+    return float(profile[max(int(place) - 1, 0) : int(place) + 2].max(initial=0.0))
 
 
 def _gap(boxes: list[PixelBox], k: int, side: str) -> float:

@@ -23,14 +23,16 @@ from .classify import (
 from .features import Features, features
 from .floor_scale import scale_by_floors
 from .pixel_box import PixelBox
-from .records import Arrangement, Array, Facade, FacadeBox, Scale
-from .rectify import CORNER_SIGMA_PX, aspect_ratio, order_corners, rectify
+from .records import Arrangement, Array, CornerSource, Facade, FacadeBox, Scale
+from .rectify import CORNER_SIGMA_PX, aspect_ratio, check_inside, order_corners, rectify
 
 CONNECTED_M = 0.6
 """Elements are connected along an axis when what is between them is narrower than this."""
 GIVEN_FLOOR_SIGMA, GROUND_FLOOR_SIGMA = 0.02, 0.1
 """Of a given floor height; and of the distance between the two lowest rows of windows, as a share of the floor height."""
 MAKE_PX, LEAST_PX = 120, 60
+FOUND_CORNER_SIGMA = 0.03
+"""Of corners found by lines, as a share of the facade's larger extent: one of ten is off by more, some by far more."""
 
 
 def read_picture(
@@ -43,8 +45,9 @@ def read_picture(
     floor_height: float | None = None,
     focal: float | None = None,
     seed: int = 0,
+    corner_source: CornerSource = "GIVEN",
 ) -> Facade:
-    """The facade with these corners (4, 2) [px] in an image (H, W, 3), RGB.
+    """The facade with these corners (4, 2) [px], given or found by lines, in an image (H, W, 3), RGB.
 
     Lengths in metres, ``focal`` in pixels. Raises BimVerifyError when the corners are no rectangle in perspective, or too
     small in the image.
@@ -53,7 +56,9 @@ def read_picture(
     size = (image.shape[1], image.shape[0])
     if np.ptp(ring, axis=0).min() < LEAST_PX:
         raise BimVerifyError(f"{name}: the facade is smaller than {LEAST_PX} pixels in the image; take a closer photo.")
-    aspect, aspect_sigma = aspect_ratio(ring, size, focal, seed)
+    check_inside(ring, size, name)
+    corner_sigma = CORNER_SIGMA_PX if corner_source == "GIVEN" else FOUND_CORNER_SIGMA * float(np.ptp(ring, axis=0).max())
+    aspect, aspect_sigma = aspect_ratio(ring, size, focal, seed, corner_sigma)
     if width and height:
         aspect = height / width
     picture = rectify(image, ring, aspect)
@@ -61,8 +66,7 @@ def read_picture(
     across = width or (height / aspect if height else None)
     boxes, seen = [], None
     source: Literal["WIDTH", "HEIGHT", "BOTH", "FLOORHEIGHT"] = "BOTH" if width and height else "WIDTH" if width else "HEIGHT"
-    pixel_sigma = CORNER_SIGMA_PX / float(np.ptp(ring[:, 0]))
-    relative = pixel_sigma
+    relative = corner_sigma / float(np.ptp(ring[:, 1 if source == "HEIGHT" else 0]))
     if across is None:
         source = "FLOORHEIGHT"
         by_floors = scale_by_floors(picture, aspect, floor_height or TYPICAL_STOREY_M)
@@ -103,6 +107,7 @@ def read_picture(
         profile_z / max(float(profile_z.max()), 1e-9),
         seen.vegetation,
         warnings,
+        corner_source,
     )
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Kind = Literal["window", "door"]
 Arrangement = Literal["separated", "connected"]
+CornerSource = Literal["GIVEN", "LINES"]
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,7 @@ class Facade:
     vegetation: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))
     """(H, W) of the rectified picture."""
     warnings: list[str] = field(default_factory=list)
+    corner_source: CornerSource = "GIVEN"
 
     @property
     def pixels_per_metre(self) -> tuple[float, float]:

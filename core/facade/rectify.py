@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from shapely import Polygon, box
 
 from ..errors import BimVerifyError
 
@@ -20,6 +21,7 @@ CENTRE_SIGMA = 0.006
 """Of the principal point, in units of the image's longer side."""
 LONGEST_PX = 1200
 DRAWS = 64
+LEAST_INSIDE = 0.5
 
 
 def order_corners(corners: Array) -> Array:
@@ -37,6 +39,16 @@ def order_corners(corners: Array) -> Array:
     return np.asarray(ring)
 
 
+def check_inside(ring: Array, size: tuple[int, int], name: str) -> None:
+    """Raise BimVerifyError when less than half of the facade with these corners is in a photo of (width, height) pixels."""
+    outline = Polygon(ring)
+    if outline.intersection(box(0.0, 0.0, *size)).area < LEAST_INSIDE * outline.area:
+        raise BimVerifyError(
+            f"{name}: most of the facade with these corners lies outside the photo of {size[0]} x {size[1]} pixels; give its "
+            "corners in pixels of this photo, x to the right and y down from its left top."
+        )
+
+
 def unit_homography(corners: Array) -> Array:
     """(3, 3) from the unit square (x right, y down) to the image."""
     import cv2
@@ -45,7 +57,9 @@ def unit_homography(corners: Array) -> Array:
     return np.asarray(cv2.getPerspectiveTransform(square, np.asarray(corners, dtype=np.float32)), dtype=np.float64)
 
 
-def aspect_ratio(corners: Array, size: tuple[int, int], focal: float | None = None, seed: int = 0) -> tuple[float, float]:
+def aspect_ratio(
+    corners: Array, size: tuple[int, int], focal: float | None = None, seed: int = 0, corner_sigma: float = CORNER_SIGMA_PX
+) -> tuple[float, float]:
     """Height over width of the rectangle with these corners, and its relative standard deviation.
 
     The picture of a rectangle and square pixels fix the focal length where the view is oblique; where it is not, the
@@ -58,7 +72,7 @@ def aspect_ratio(corners: Array, size: tuple[int, int], focal: float | None = No
     prior = focal / longest if focal else 1.0
     sigma = KNOWN_FOCAL_SIGMA if focal else FOCAL_SIGMA
     candidates = np.geomspace(FOCAL_RANGE[0], FOCAL_RANGE[1], 160)
-    noise = rng.normal(0.0, CORNER_SIGMA_PX, (DRAWS, 4, 2))
+    noise = rng.normal(0.0, corner_sigma, (DRAWS, 4, 2))
     centres = centre + rng.normal(0.0, CENTRE_SIGMA * longest, (DRAWS, 2))
     ratio = np.empty((DRAWS + 1, len(candidates)))
     cosine = np.empty_like(ratio)

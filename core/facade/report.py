@@ -11,7 +11,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from ..report.plain_page import Section, write_page
-from .mockup import Mockup
+from .mockup import Mockup, size_sigma
 from .records import Facade
 
 LARGEST_PX = 900
@@ -54,13 +54,16 @@ def write_facade_report(folder: str | Path, made: Mockup) -> Path:
     rows = []
     for kind in sorted({b.type for b in boxes}):
         own = [b for b in boxes if b.type == kind]
+        owner = next(f for f in made.facades if own[0] in f.boxes)
+        size = [float(np.median([getattr(b, n) for b in own])) for n in ("width", "height")]
         rows.append((
             f"{kind + 1}", own[0].kind, "arched" if own[0].rise > 0 else "rectangular", str(len(own)),
-            f"{np.median([b.width for b in own]):.2f}", f"{np.median([b.height for b in own]):.2f}",
+            *(text for axis in (0, 1) for text in (f"{size[axis]:.2f}", f"{size_sigma(owner, size[axis], axis):.2f}")),
         ))  # fmt: skip
     sections.append(Section(
-        "Types", columns=("Type", "Kind", "Shape", "Elements", "Width m", "Height m"), rows=rows,
-        numeric=frozenset({0, 3, 4, 5}),
+        "Types", "Sigma is that of a single element: 19 of 20 lie within 1.96 times it, most are far better.",
+        columns=("Type", "Kind", "Shape", "Elements", "Width m", "Sigma m", "Height m", "Sigma m"), rows=rows,
+        numeric=frozenset({0, 3, 4, 5, 6, 7}),
     ))  # fmt: skip
     names = ", ".join(Path(f.image).name for f in made.facades)
     return write_page(folder, "Facade mock-up", "bim_verify facade", summary(made), (("Photos", names),), sections)
@@ -71,9 +74,13 @@ def summary(made: Mockup) -> str:
     boxes = [b for f in made.facades for b in f.boxes]
     doors = sum(b.kind == "door" for b in boxes)
     return (
-        f"{len(made.facades)} {'facade' if len(made.facades) == 1 else 'facades'}, {len(made.building.storeys)} storeys, "
-        f"{len(boxes) - doors} windows, {doors} doors of {len({b.type for b in boxes})} types."
+        f"{_count(len(made.facades), 'facade')}, {_count(len(made.building.storeys), 'storey')}, "
+        f"{_count(len(boxes) - doors, 'window')}, {_count(doors, 'door')} of {_count(len({b.type for b in boxes}), 'type')}."
     )
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}{'' if number == 1 else 's'}"
 
 
 def box_picture(facade: Facade) -> NDArray[np.uint8]:
@@ -144,6 +151,7 @@ def facade_to_plain(facade: Facade) -> dict[str, Any]:
         "scale_source": scale.source,
         "scale_sigma": scale.relative_sigma,
         "aspect_sigma": scale.aspect_sigma,
+        "corner_source": facade.corner_source,
         "arrangement_x": facade.arrangement_x,
         "arrangement_z": facade.arrangement_z,
         "warnings": facade.warnings,

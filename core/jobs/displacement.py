@@ -108,6 +108,11 @@ def _displacement(
         draft = find_joints(len(bounds) - 1 - number, bounds[number], base, later, wall, origin, (thinned[0], thinned[1]))
         if draft is not None:
             drafts.append(draft)
+    if not drafts:
+        raise BimVerifyError(
+            f"No column of the wall is wide enough to be measured in both epochs ({wall.area:.1f} m² of it were found); "
+            "whether it moved is not determined. Scan more of the wall, or name a point on another one by --near."
+        )
     watch.lap("joints")
     near = [
         returns_near_joints(
@@ -140,6 +145,11 @@ def _notes(columns: list[Column], epochs: list[Epoch], spacing: float) -> list[s
     unsure = sum(j.state == "PAIRED" and j.vertical is None for j in joints)
     if not joints:
         notes.append("No horizontal joints were found: only the field along the face's normal says how the wall moved.")
+    if off := [str(c.number) for c in columns if c.may_be_a_panel_off]:
+        notes.append(
+            f"Column {', '.join(off)}: a joint is new at one end and one is missing at the other, so all joints between may be "
+            "paired one panel off; a movement of more than 45 % of a panel's height cannot be told from one the other way."
+        )
     if unsure:
         notes.append(f"The vertical movement of {unsure} joints is not determined: beam rows lie too far apart at their edges.")
     for epoch, name in zip(epochs, ("base", "later"), strict=True):

@@ -69,6 +69,7 @@ def read_facade(path: str | Path, options: FacadeOptions, index: int = 0, width:
         floor_height=options.floor_height,
         focal=focal,
         seed=options.seed,
+        corner_source="GIVEN" if options.corners else "LINES",
     )
     if not options.corners:
         found.warnings.append(
@@ -79,8 +80,8 @@ def read_facade(path: str | Path, options: FacadeOptions, index: int = 0, width:
 
 
 def read_color(path: str | Path) -> tuple[NDArray[np.uint8], float | None]:
-    """(H, W, 3) RGB as it lies on the sensor, and the focal length in pixels where the file states it."""
-    from PIL import Image
+    """(H, W, 3) RGB, upright as viewers show it, and the focal length in pixels where the file states it."""
+    from PIL import Image, ImageOps
 
     source = Path(path)
     try:
@@ -88,7 +89,7 @@ def read_color(path: str | Path) -> tuple[NDArray[np.uint8], float | None]:
             if image.width * image.height > MOST_PIXELS:
                 raise BimVerifyError(f"{source} has {image.width} x {image.height} pixels; {MOST_PIXELS:,} is the most.")
             stated = image.getexif().get_ifd(EXIF_TAG).get(FOCAL_35MM_TAG)
-            pixels = np.array(image.convert("RGB"), dtype=np.uint8)
+            pixels = np.array(ImageOps.exif_transpose(image).convert("RGB"), dtype=np.uint8)
     except OSError as error:
         reason = error.strerror or "unknown format"
         raise BimVerifyError(f"Cannot read {source} as an image: {reason}. Check the file.") from error

@@ -142,6 +142,7 @@ TEMPLATES: dict[str, tuple[str, dict[str, tuple[str, str]]]] = {
         {
             "Image": (LABEL, "The photo; on walls"),
             "ScaleSource": (LABEL, "What the scale was taken from; on walls"),
+            "CornerSource": (LABEL, "GIVEN, or LINES where the facade's corners were found by its lines; on walls"),
             "ScaleSigma": (RATIO, "Relative standard deviation of the scale; on walls"),
             "AspectSigma": (RATIO, "Relative standard deviation of height over width; on walls"),
             "FacadeWidth": (LENGTH, "Width of the rectified facade; on walls"),

@@ -140,7 +140,7 @@ def _joints(draft: Draft, epochs: list[ColumnPoints], registration_sigma: float)
         spot = frame.place(move.height)
         joints.append(JointDisplacement(
             number, "PAIRED", middle, spot, spot[2], move.vertical, move.vertical_sigma, move.lateral, move.lateral_sigma,
-            move.opening, first.completeness, second.completeness,
+            move.opening, move.opening_sigma, first.completeness, second.completeness,
             _significant(move.vertical, move.vertical_sigma, registration_sigma),
             _significant(move.lateral, move.lateral_sigma, registration_sigma),
         ))

@@ -18,6 +18,8 @@ from .epoch import spread_rows
 
 Array = NDArray[np.float64]
 PROFILE_STEP_M = 0.0004
+FAST = {"reassoc", "contract", "nsz", "arcp"}
+"""Sums in any order: rounding only."""
 CHANCE_OF_STRAY = 0.01
 """Share of returns near an edge that neither face, flank nor gap explains: of beams that meet two of them."""
 
@@ -68,12 +70,20 @@ class Flank:
 
 
 def cost_of(places: Array, flank: Flank, samples: Samples) -> Array:
-    return np.asarray(
-        _costs(
-            places, flank.slope, flank.depth, flank.beam, flank.aim, samples.rise - samples.lean, samples.v,
-            samples.depth, samples.noise, samples.rough, samples.groove, samples.groove_noise,
-            samples.deepest, samples.gap + flank.slope * flank.depth,
-        )
+    """(K,) negative log likelihood of the samples for each place of the corner."""
+    return np.asarray(_costs(places, *_known(flank, samples)))
+
+
+def unlikeliness(places: Array, count: int, flank: Flank, samples: Samples) -> float:
+    """Negative log of the likelihood of the samples, ``count`` places being equally likely, all but these impossible."""
+    return float(_over_places(places, count, *_known(flank, samples)))
+
+
+def _known(flank: Flank, samples: Samples) -> tuple[float | Array, ...]:
+    return (
+        flank.slope, flank.depth, flank.beam, flank.aim, samples.rise - samples.lean, samples.v, samples.depth,
+        samples.noise, samples.rough, samples.groove, samples.groove_noise, samples.deepest,
+        samples.gap + flank.slope * flank.depth,
     )
 
 
@@ -113,12 +123,18 @@ def flank_profile(slope, deep, beam, rise, deepest, opposite=math.inf, floor=0.0
     for j in range(-reach, reach + 1):
         power[j + reach] = math.exp(-2.0 * (j * PROFILE_STEP_M / max(beam, PROFILE_STEP_M)) ** 2)
     for k in range(count):
-        total, mean = 0.0, 0.0
-        for j in range(2 * reach + 1):
-            share = power[j] * shade[k + j]
-            total, mean = total + share, mean + share * depth[k + j]
-        out[k] = mean / total
+        out[k] = _weighed(power, shade[k : k + power.size], depth[k : k + power.size])
     return out
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def _weighed(power, shade, depth):  # type: ignore[no-untyped-def]
+    """Mean depth by power times shade."""
+    total, mean = 0.0, 0.0
+    for j in range(power.size):
+        share = power[j] * shade[j]
+        total, mean = total + share, mean + share * depth[j]
+    return mean / total
 
 
 @njit(cache=True, nogil=True)
@@ -171,28 +187,52 @@ def _costs(  # type: ignore[no-untyped-def]
         in_gap = min(max(deep - depth[i], 0.0) / noise + log_gap, log_stray)
         before[i + 1] = before[i] + on_face
         after[i + 1] = after[i] + in_gap
-    out = np.zeros(places.size)
-    last = face.size - 2
+    out = np.empty(places.size)
     for k in range(places.size):
         low = np.searchsorted(v, places[k] - before_edge, side="right")
         high = np.searchsorted(v, places[k] + height + before_edge, side="right")
-        total = before[low] + after[size] - after[high]
-        for i in range(low, high):
-            at = (v[i] - places[k] + before_edge) / PROFILE_STEP_M
-            cell = min(int(at), last)
-            part = at - cell
-            rest = 1.0 - part
-            own = abs(depth[i] - rest * face[cell] - part * face[cell + 1])
-            own /= rest * face_wide[cell] + part * face_wide[cell + 1]
-            own += rest * face_log[cell] + part * face_log[cell + 1]
-            other = abs(depth[i] - rest * grooved[cell] - part * grooved[cell + 1])
-            other /= rest * grooved_wide[cell] + part * grooved_wide[cell + 1]
-            own = min(own, other + rest * grooved_log[cell] + part * grooved_log[cell + 1], log_stray)
-            if v[i] > places[k] + height:
-                own = min(own, max(deep - depth[i], 0.0) / noise + log_gap + math.log(2.0))
-            total += own
-        out[k] = total
+        above = np.searchsorted(v, places[k] + height, side="right")
+        first = places[k] - before_edge
+        out[k] = before[low] + after[size] - after[high]
+        for start, end, gap in ((low, above, math.inf), (above, high, log_gap + math.log(2.0))):
+            out[k] += _near_edge(
+                v[start:end], depth[start:end], first, face, face_wide, face_log, grooved, grooved_wide, grooved_log,
+                log_stray, deep, noise, gap,
+            )
     return out
+
+
+@njit(cache=True, nogil=True)
+def _over_places(  # type: ignore[no-untyped-def]
+    places, count, slope, deep, beam, aim, rise, v, depth, noise, rough, groove, groove_noise, deepest, opposite
+):
+    cost = _costs(
+        places, slope, deep, beam, aim, rise, v, depth, noise, rough, groove, groove_noise, deepest, opposite
+    )
+    least = cost.min()
+    return least - math.log(np.exp(least - cost).sum() / count)
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def _near_edge(  # type: ignore[no-untyped-def]
+    v, depth, first, face, face_wide, face_log, grooved, grooved_wide, grooved_log, log_stray, deep, noise, log_gap
+):
+    """Cost of samples that may meet the edge, or have come back from the gap where that costs less than infinity."""
+    total, last, one = 0.0, face.size - 2, np.uint64(1)
+    for i in range(v.size):
+        at = (v[i] - first) / PROFILE_STEP_M
+        whole = min(int(at), last)
+        part = at - whole
+        cell = np.uint64(whole)  # an index without a sign is not tested for wrapping around
+        own = abs(depth[i] - face[cell] - part * (face[cell + one] - face[cell]))
+        own /= face_wide[cell] + part * (face_wide[cell + one] - face_wide[cell])
+        own += face_log[cell] + part * (face_log[cell + one] - face_log[cell])
+        other = abs(depth[i] - grooved[cell] - part * (grooved[cell + one] - grooved[cell]))
+        other /= grooved_wide[cell] + part * (grooved_wide[cell + one] - grooved_wide[cell])
+        other += grooved_log[cell] + part * (grooved_log[cell + one] - grooved_log[cell])
+        in_gap = max(deep - depth[i], 0.0) / noise + log_gap
+        total += min(min(own, other), min(log_stray, in_gap))
+    return total
 
 
 def moments(places: Array, cost: Array) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .edge_section import Array, Flank, Samples, cost_of, moments, rows_of, thinned
+from .edge_section import Array, Flank, Samples, cost_of, moments, rows_of, thinned, unlikeliness
 
 SLOPES = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0)
 """Height of a flank over its depth; 0: a sharp edge."""
@@ -135,9 +135,7 @@ def _unlikeliness(places: Array, flank: Flank, samples: Samples) -> float:
     """Negative log of the likelihood of one edge's samples, all places being equally likely."""
     middle, reach = samples.about
     near = places[(places > middle - reach - flank.slope * flank.depth) & (places < middle + reach)]
-    cost = cost_of(near if len(near) else places, flank, samples)
-    least = float(cost.min())
-    return least - math.log(float(np.sum(np.exp(least - cost))) / len(places))
+    return unlikeliness(near if len(near) else places, len(places), flank, samples)
 
 
 def fit_edges(samples: Sequence[Samples], flanks: Flanks, low: float, high: float) -> list[Edge]:

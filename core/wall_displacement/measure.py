@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -24,6 +25,8 @@ EDGE_RANGE_M = (-0.1, 0.04)
 BEYOND_M = 0.15
 """A ray that crosses the face near a joint may come back from so much higher or lower."""
 MOST_NEAR_EDGE = 40_000
+STEPPED_M = 0.002
+"""Panels that stand so far before or behind the next one are taken for stepped."""
 MOST_RELIEF = 0.8
 NOT_DETERMINED_M = 0.02
 """A joint's height that is less certain than this is not stated."""
@@ -50,6 +53,7 @@ class Movement:
     lateral: float | None
     lateral_sigma: float | None
     opening: float | None
+    opening_sigma: float | None
 
 
 def pair_joints(base: list[FoundJoint], later: list[FoundJoint]) -> list[tuple[int, int]]:
@@ -112,8 +116,8 @@ def joint_sections(
         for epoch, joint in zip(epochs, (first, second), strict=True):
             below, above = next(found), next(found)
             lines.append((below, above))
-            lower.append(edge_samples(epoch, below, joint.height, reach, rising=True))
-            upper.append(edge_samples(epoch, above, joint.height, reach, rising=False))
+            lower.append(edge_samples(epoch, below, above, joint.height, reach, rising=True))
+            upper.append(edge_samples(epoch, above, below, joint.height, reach, rising=False))
         sections.append(JointSection((first, second), tuple(lines), ((lower[0], lower[1]), (upper[0], upper[1]))))
     return sections
 
@@ -141,7 +145,7 @@ def _movement(
     first: FoundJoint, second: FoundJoint,
 ) -> Movement:
     shifts = [(e[1].at - e[0].at, float(np.hypot(e[0].sigma, e[1].sigma))) for e in edges if e is not None]
-    vertical = sigma = opening = None
+    vertical = sigma = opening = opening_sigma = None
     if shifts:
         weight = 1.0 / np.maximum([s for _, s in shifts], 2e-4) ** 2
         even = len(shifts) == 2 and max(s for _, s in shifts) < 2.5 * min(s for _, s in shifts) + 5e-4
@@ -155,6 +159,9 @@ def _movement(
             vertical = sigma = None
     if len(shifts) == 2:
         opening = shifts[1][0] - shifts[0][0]
+        lower, upper = (e[1].others - e[0].others for e in edges if e is not None)
+        by_flank = float(np.dot(flanks.probability[1:], (upper - lower - opening) ** 2))
+        opening_sigma = math.sqrt(shifts[0][1] ** 2 + shifts[1][1] ** 2 + by_flank)
     middles = []
     for k, joint in ((0, first), (1, second)):
         ends = [e[k].at for e in edges if e is not None]
@@ -167,7 +174,7 @@ def _movement(
             sides.append((change, float(np.hypot(a.sigma, b.sigma))))
     lateral = float(np.mean([d for d, _ in sides])) if sides else None
     lateral_sigma = float(np.sqrt(np.sum([s**2 for _, s in sides])) / len(sides)) if sides else None
-    return Movement(middles[0], vertical, sigma, lateral, lateral_sigma, opening)
+    return Movement(middles[0], vertical, sigma, lateral, lateral_sigma, opening, opening_sigma)
 
 
 def face_part(epoch: ColumnPoints, low: float, high: float, about: float) -> FacePart:
@@ -178,9 +185,12 @@ def face_part(epoch: ColumnPoints, low: float, high: float, about: float) -> Fac
 
 
 def edge_samples(
-    epoch: ColumnPoints, line: FaceLine | None, about: float, reach: float, *, rising: bool
+    epoch: ColumnPoints, line: FaceLine | None, next_line: FaceLine | None, about: float, reach: float, *, rising: bool
 ) -> Samples | None:
-    """Where rays cross the plane of the face within ``reach`` of ``about``, and how deep behind it they come back."""
+    """Where rays cross the plane of the face within ``reach`` of ``about``, and how deep behind it they come back.
+
+    Only up to the recess between this face and the next panel's, which may stand before or behind it.
+    """
     if line is None:
         return None
     near = np.flatnonzero(np.abs(epoch.returns[:, 2] - about) < reach + BEYOND_M)
@@ -195,6 +205,9 @@ def edge_samples(
     x, depth = p[:, 0], np.asarray(line.depth(p[:, 2])) - p[:, 1]
     deep = max(epoch.face.threshold, 0.004)
     recessed = depth > 0.5 * deep
+    if next_line is not None and abs(float(line.depth(about)) - float(next_line.depth(about))) > STEPPED_M:
+        # grooves of two faces that stand in one plane lie on both sides alike; here those of one would outweigh the others
+        recessed = np.minimum(depth, np.asarray(next_line.depth(p[:, 2])) - p[:, 1]) > deep
     side = (v < 0.04 if rising else v > -0.04) & (np.abs(v) < reach)
     if (recessed & side).sum() < 2 or (~recessed & side).sum() < 4:
         return None

@@ -39,14 +39,15 @@ def write_displacement_report(folder: str | Path, result: DisplacementResult) ->
     for column in sorted(chosen, key=lambda c: c.number):
         sections.append(Section(
             f"Column {column.number}", _caption(column), drawing=_profile(column),
-            columns=("State", "Height m", "Vertical mm", "Sigma mm", "Lateral mm", "Sigma mm", "Opening mm", "Significant"),
-                rows=[
+            columns=("State", "Height m", "Vertical mm", "Sigma mm", "Lateral mm", "Sigma mm", "Opening mm", "Sigma mm",
+                     "Significant"),
+            rows=[
                 (j.state.capitalize(), f"{j.height:.3f}", millimetres(j.vertical), millimetres(j.vertical_sigma, 2),
                  millimetres(j.lateral), millimetres(j.lateral_sigma, 2), millimetres(j.opening),
-                 _directions(j))
+                 millimetres(j.opening_sigma, 2), _directions(j))
                 for j in column.joints
             ],
-            numeric=frozenset(range(1, 7)),
+            numeric=frozenset(range(1, 8)),
         ))
     if len(result.columns) > MOST_PROFILES:
         lines.append(f"The {MOST_PROFILES} columns that moved most are shown; the CSV file has all.")

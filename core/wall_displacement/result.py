@@ -33,6 +33,7 @@ class JointDisplacement:
     lateral_sigma: float | None = None
     opening: float | None = None
     """Change of the joint's width."""
+    opening_sigma: float | None = None
     completeness_base: float = 0.0
     completeness_later: float = 0.0
     vertical_significant: bool | None = None
@@ -62,6 +63,16 @@ class Column:
     def paired(self) -> tuple[JointDisplacement, ...]:
         """The joints that both epochs show."""
         return tuple(j for j in self.joints if j.state == "PAIRED")
+
+    @property
+    def may_be_a_panel_off(self) -> bool:
+        """A joint is new below all that are paired and one is missing above them, or the other way round."""
+        states = [j.state for j in self.joints]
+        if "PAIRED" not in states:
+            return False
+        first = states.index("PAIRED")
+        below, above = set(states[:first]), set(states[len(states) - states[::-1].index("PAIRED"):])
+        return ("NEW" in below and "MISSING" in above) or ("MISSING" in below and "NEW" in above)
 
     def vertical_at(self, heights: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N,) vertical movement [m] at ``heights`` (N,) [m, scan frame], between joints by proportion; NaN: no joint tells."""

@@ -14,7 +14,7 @@ from .result import Column, DisplacementResult, JointDisplacement
 
 COLUMNS = (
     "Column", "State", "X_m", "Y_m", "Z_m", "Vertical_mm", "VerticalSigma_mm", "VerticalSignificant", "Lateral_mm",
-    "LateralSigma_mm", "LateralSignificant", "Opening_mm", "CompletenessBase", "CompletenessLater",
+    "LateralSigma_mm", "LateralSignificant", "Opening_mm", "OpeningSigma_mm", "CompletenessBase", "CompletenessLater",
 )
 CHANCE = 0.05
 """A column has moved when its joints' displacements are less probable than this without movement."""
@@ -26,7 +26,7 @@ def joint_row(joint: JointDisplacement) -> list[Any]:
         joint.column, joint.state, *(round(float(v), 4) + 0.0 for v in joint.position),
         _mm(joint.vertical), _mm(joint.vertical_sigma), joint.vertical_significant,
         _mm(joint.lateral), _mm(joint.lateral_sigma), joint.lateral_significant, _mm(joint.opening),
-        round(float(joint.completeness_base), 3), round(float(joint.completeness_later), 3),
+        _mm(joint.opening_sigma), round(float(joint.completeness_base), 3), round(float(joint.completeness_later), 3),
     ]
 
 

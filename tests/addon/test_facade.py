@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -61,3 +62,25 @@ def test_bad_corners_leave_the_scene(blender: bpy.types.Scene, tmp_path: Path) -
     with pytest.raises(RuntimeError, match="four corners"):
         ops.facade(filepath=str(photo.path), corners="1,2,3", width=10.0)
     assert facade_scene.DATA_KEY not in blender
+
+
+def test_a_straight_top_becomes_arched_and_back(blender: bpy.types.Scene, read: list[bpy.types.Object]) -> None:
+    item = next(i for i in read if not facade_scene.rise_of(i))
+    choice = item.bim_verify_facade
+    assert choice.shape == "RECTANGULAR"
+    choice.shape = "ARCHED"
+    assert choice.rise == pytest.approx(0.2 * item.dimensions.x)
+    choice.shape = "RECTANGULAR"
+    assert choice.rise == 0.0
+
+
+def test_what_the_pattern_gave_stays_inferred_until_it_is_moved(
+    blender: bpy.types.Scene, read: list[bpy.types.Object]
+) -> None:
+    made = facade_scene.read_mockup(blender)
+    boxes = made.facades[0].boxes
+    made.facades[0].boxes = (replace(boxes[0], inferred=True), *boxes[1:])
+    facade_scene.show_mockup(blender, made)
+    assert [b.inferred for b in facade_scene.read_mockup(blender).facades[0].boxes].count(True) == 1
+    next(i for i in blender.objects if facade_scene.INFERRED_KEY in i).location.z += 0.1
+    assert not any(b.inferred for b in facade_scene.read_mockup(blender).facades[0].boxes)

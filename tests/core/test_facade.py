@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import ifcopenshell
 import ifcopenshell.validate
 import numpy as np
 import pytest
+from PIL import Image
 
+from bim_verify.cli import main
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.facade.classify import floors, group_types, kind_of
 from bim_verify.core.facade.correct import corrected
@@ -135,7 +138,7 @@ def box_facade(width: float = 10.0, kind: str = "window") -> Facade:
 
 def test_the_mockup_is_a_valid_building_of_typed_openings(tmp_path: Path) -> None:
     path = tmp_path / "mockup.ifc"
-    corners = read_footprint("0,0 10,0 10,8 0,8")
+    corners, _ = read_footprint("0,0 10,0 10,8 0,8")
     write_mockup(path, mockup([box_facade(), box_facade(8.0)], corners))
     file = ifcopenshell.open(str(path))
     logger = ifcopenshell.validate.json_logger()
@@ -171,7 +174,7 @@ def test_the_same_photo_gives_the_same_file(tmp_path: Path) -> None:
 
 def test_no_order_of_chance_in_the_file() -> None:
     """Entities hash by the place of their file in memory: several files that live at once are at several places."""
-    corners = read_footprint("0,0 10,0 10,8 0,8")
+    corners, _ = read_footprint("0,0 10,0 10,8 0,8")
     files = [mockup_file(mockup([box_facade(), box_facade(8.0)], corners)) for _ in range(4)]
     first = files[0].to_string().split("DATA;")[1]
     assert all(f.to_string().split("DATA;")[1] == first for f in files[1:])
@@ -196,13 +199,14 @@ def test_a_corrected_mockup_has_the_new_boxes() -> None:
 
 
 def test_footprints(tmp_path: Path) -> None:
-    clockwise = read_footprint("0,0 0,5 8,5 8,0")
+    clockwise, notes = read_footprint("0,0 0,5 8,5 8,0")
+    assert "clockwise" in notes[0]
     assert np.array_equal(clockwise, [[0, 0], [8, 0], [8, 5], [0, 5]])
     path = tmp_path / "plan.geojson"
     path.write_text(
         '{"type":"Polygon","coordinates":[[[11.0,48.0],[11.0001,48.0],[11.0001,48.0001],[11.0,48.0001],[11.0,48.0]]]}'
     )
-    ring = read_footprint(str(path))
+    ring, _ = read_footprint(str(path))
     assert np.linalg.norm(ring[1] - ring[0]) == pytest.approx(7.45, abs=0.05)
     for bad in ("0,0 1,1", "0,0 5,5 5,0 0,5", "a,b c,d e,f"):
         with pytest.raises(BimVerifyError):
@@ -210,3 +214,56 @@ def test_footprints(tmp_path: Path) -> None:
     path.write_text('{"type":"Point","coordinates":[1,2]}')
     with pytest.raises(BimVerifyError, match="no polygon"):
         read_footprint(str(path))
+
+
+def test_one_outline_is_a_footprint_several_are_not(tmp_path: Path) -> None:
+    square = [[0, 0], [900, 0], [900, 900], [0, 900], [0, 0]]
+    hole = [[300, 300], [600, 300], [600, 600], [300, 600], [300, 300]]
+    path = tmp_path / "plan.geojson"
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": [square, hole]}))
+    ring, notes = read_footprint(str(path))
+    assert len(ring) == 4
+    assert "courtyard" in notes[0]
+    path.write_text(json.dumps({"type": "MultiPolygon", "coordinates": [[square], [[[x + 2000, y] for x, y in square]]]}))
+    with pytest.raises(BimVerifyError, match="2 outlines"):
+        read_footprint(str(path))
+
+
+def test_a_photo_is_read_upright_and_corners_outside_it_are_refused(tmp_path: Path) -> None:
+    photo = photo_of(tmp_path, 1)
+    turned = tmp_path / "turned.png"
+    with Image.open(photo.path) as image:
+        exif = image.getexif()
+        exif[0x0112] = 6  # shown turned by a quarter to the right
+        image.transpose(Image.Transpose.ROTATE_90).save(turned, exif=exif)
+    assert np.array_equal(read_color(turned)[0], read_color(photo.path)[0])
+    with pytest.raises(BimVerifyError, match="outside the photo"):
+        facade([photo.path], FacadeOptions(corners=(photo.corners + 5000.0,), width=10.0))
+
+
+def test_corners_found_by_lines_are_marked_and_less_sure(tmp_path: Path) -> None:
+    photo = photo_of(tmp_path, 3)
+    given = read(photo, width=photo.plan.width)
+    (found,) = facade([photo.path], FacadeOptions(width=photo.plan.width))
+    assert (given.corner_source, found.corner_source) == ("GIVEN", "LINES")
+    assert found.scale.aspect_sigma > 3 * given.scale.aspect_sigma
+    assert found.scale.relative_sigma > 3 * given.scale.relative_sigma
+
+
+@pytest.mark.parametrize(
+    "options", [["--footprint", "0,0 9,0 9,9 0,9", "--width", "9"], ["--width", "9", "--floor-height", "3"]]
+)
+def test_two_lengths_that_contradict_are_refused(
+    options: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    photo, out = photo_of(tmp_path, 1), tmp_path / "out.ifc"
+    corners = ["--corners", ",".join(f"{v:.1f}" for v in photo.corners.ravel())]
+    assert main(["facade", str(photo.path), *corners, *options, "--out", str(out), "--quiet"]) == 1
+    assert "leave" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_a_corner_left_of_the_photo_is_no_option(tmp_path: Path) -> None:
+    photo, out = photo_of(tmp_path, 1), tmp_path / "out.ifc"
+    corners = ",".join(f"{v:.1f}" for v in [-2.0, *photo.corners.ravel()[1:]])
+    assert main(["facade", str(photo.path), "--corners", corners, "--width", "9", "--out", str(out), "--quiet"]) == 0

@@ -55,3 +55,14 @@ def test_a_car_before_two_windows_is_no_opening() -> None:
     windows = [(1.0 + 2.2 * k, 0.9 + 3.0 * n, 2.2 + 2.2 * k, 2.4 + 3.0 * n) for k in range(5) for n in range(3)]
     car = [(3.0, 0.0, 6.8, 1.1), (3.6, 1.1, 6.0, 1.5)]
     assert_same(found(wall(12.0, 9.6, windows, car)), windows)
+
+
+def test_a_door_and_the_window_over_it_keep_their_own_edges() -> None:
+    windows = [(1.0 + 3.0 * k, 4.2, 2.3 + 3.0 * k, 6.3) for k in range(3)]
+    windows += [(1.0, 1.0, 2.3, 3.0), (7.0, 1.0, 8.3, 3.0), (3.9, 0.0, 5.4, 2.8)]
+    boxes = found(wall(9.5, 7.2, windows, []))
+    assert_same(boxes, windows)
+    over = boxes[np.abs(0.5 * (boxes[:, 0] + boxes[:, 2]) - 4.65) < 0.3]
+    door, window = over[np.argsort(over[:, 1])]
+    assert np.allclose(door[[0, 2]], (3.9, 5.4), atol=0.04)
+    assert np.allclose(window[[0, 2]], (4.0, 5.3), atol=0.04)

@@ -103,6 +103,31 @@ def test_joints_have_moved_as_the_panels_have(result: DisplacementResult) -> Non
     assert column_moved(column)
 
 
+def test_panels_that_step_out_of_one_another_keep_their_edges() -> None:
+    sharp = replace(DESIGN, chamfer=0.0)
+    moves = [PanelMove(0.02 * k / DESIGN.rows * (1 + k / DESIGN.rows), -0.005 * k) for k in range(DESIGN.rows)]
+    scenes = [build_wall(sharp, dict.fromkeys(range(sharp.columns), m)) for m in (STILL, moves)]
+    column = middle_column(displacement(scanned(scenes[0], 7), scanned(scenes[1], 8)))
+    assert_moved_as(column, moves, within=0.003)
+    for joint in column.paired:
+        row = row_of(joint)
+        opening = moves[row + 1].vertical - moves[row].vertical
+        assert joint.opening is not None
+        assert joint.opening_sigma is not None
+        assert joint.opening_sigma < 0.004
+        assert abs(joint.opening - opening) < 3.0 * joint.opening_sigma
+
+
+def test_a_wall_that_settled_by_more_than_half_a_panel_is_not_told_without_a_warning() -> None:
+    def joint(state: Literal["PAIRED", "NEW", "MISSING"], height: float) -> JointDisplacement:
+        return JointDisplacement(0, state, 0.0, (0.0, 0.0, height), height)
+
+    joints = (joint("NEW", 0.2), joint("PAIRED", 0.5), joint("PAIRED", 1.0), joint("MISSING", 1.5))
+    column = Column(0, 0.0, 1.5, joints, *(np.zeros(0) for _ in range(3)))
+    assert column.may_be_a_panel_off
+    assert not replace(column, joints=joints[1:]).may_be_a_panel_off
+
+
 def test_between_the_joints_the_face_has_moved_by_as_much(result: DisplacementResult) -> None:
     field = result.field
     assert len(field.distance) > 300
@@ -380,3 +405,21 @@ def test_a_scan_without_a_wall_is_refused_in_a_sentence(tmp_path: Path, capsys: 
     assert main(["displacement", str(path), str(path), "--origin", "0,0,9", "--out", str(out), "--quiet"]) == 1
     assert not out.exists()
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_a_wall_too_narrow_for_a_column_is_refused_not_told_to_stand_still(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    x, z = np.meshgrid(np.arange(0.0, 0.25, 0.01), np.arange(0.0, 8.0, 0.01))
+    path, out = tmp_path / "narrow.xyz", tmp_path / "out.csv"
+    np.savetxt(path, np.column_stack([x.ravel(), np.zeros(x.size), z.ravel()]))
+    assert main(["displacement", str(path), str(path), "--origin", "0,9,2", "--out", str(out), "--quiet"]) == 1
+    (said,) = capsys.readouterr().err.strip().splitlines()
+    assert "not determined" in said
+    assert not out.exists()
+
+
+def test_a_place_that_is_no_number_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out.csv"
+    assert main(["displacement", "a.xyz", "b.xyz", "--near", "nan,0,0", "--out", str(out), "--quiet"]) == 1
+    assert "--near" in capsys.readouterr().err
