@@ -61,6 +61,14 @@ class Match:
         return max((abs(e) for e, name in zip(self.edges, SIDES, strict=True) if name not in self.found.hidden), default=0.0)
 
     @property
+    def edges_in_sigmas(self) -> list[tuple[bool, float]]:
+        """For each edge whose standard deviation is known: whether it was seen, and its difference over that."""
+        return [
+            (name not in self.found.hidden, e / max(sigma, 1e-9))
+            for e, name, sigma in zip(self.edges, SIDES, self.found.edge_sigma, strict=False)
+        ]
+
+    @property
     def quality(self) -> float:
         """0 equal, 1 as far apart as the limits, or more."""
         area = abs(self.length) * abs(self.width)

@@ -1,4 +1,4 @@
-"""As-built dimensions of rooms, and their walls against plumb, square, parallel and flat (DIN 18202), from the fitted faces."""
+"""As-built dimensions of rooms and openings, and faces against plumb, square, parallel and flat (DIN 18202)."""
 
 from __future__ import annotations
 
@@ -8,13 +8,17 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from shapely import Point
 
+from ..dimensions.corners import Bound, Room, corner_rows
 from ..dimensions.table import Dimension, conformity, width
 from ..planes.conformity import Conformity, orthogonality, parallelism, plumb
 from ..planes.derived import Estimate, distance_between, level_of_accuracy
 from ..planes.fit import Plane
 from .building import BuiltRoom, BuiltStorey, Reconstruction
+
+Array = NDArray[np.float64]
 
 ON_FACE_M = 0.03
 """A side of a room this close to a face is the face's."""
@@ -41,6 +45,8 @@ class RoomDimensions:
     """What was measured in one room."""
 
     widths: tuple[RoomWidth, ...]
+    height: Estimate | None
+    """From floor to ceiling in the room's middle [m]; None where one of them was not seen."""
     tests: tuple[tuple[tuple[int, ...], Conformity], ...]
     """Rows of the walls concerned, and the test."""
 
@@ -51,14 +57,14 @@ def room_dimensions(storey: BuiltStorey, room: BuiltRoom) -> RoomDimensions:
     middle = np.array([*room.outline.representative_point().coords[0], 0.5 * (room.floor + room.ceiling)])
     faces = [
         (k, plane, length)
-        for k, wall in enumerate(storey.walls) for plane in wall.planes
+        for k, wall in enumerate(storey.walls) for plane in (f.plane for f in wall.faces)
         if (length := _length_in(room, plane)) > 0.0
     ]  # fmt: skip
     widths: list[RoomWidth] = []
     tests: list[tuple[tuple[int, ...], Conformity]] = [((k,), plumb(plane, height)) for k, plane, _ in faces]
     tests += [
-        ((k,), test) for k, wall in enumerate(storey.walls) for plane, own in zip(wall.planes, wall.flatness, strict=False)
-        if _length_in(room, plane) > 0.0 for test in own
+        ((k,), test) for k, wall in enumerate(storey.walls) for face in wall.faces
+        if _length_in(room, face.plane) > 0.0 for test in face.flatness
     ]  # fmt: skip
     for i, (a, first, first_length) in enumerate(faces):
         for b, second, second_length in faces[i + 1 :]:
@@ -69,18 +75,49 @@ def room_dimensions(storey: BuiltStorey, room: BuiltRoom) -> RoomDimensions:
                 tests.append(((a, b), parallelism(first, second, length)))
             elif abs(cosine) < SQUARE_COS:
                 tests.append(((a, b), orthogonality(first, second, length)))
-    return RoomDimensions(tuple(widths), tuple(tests))
+    bottom, top = room.floor_face, room.ceiling_face
+    clear = distance_between(bottom.plane, top.plane, middle) if bottom and top else None
+    return RoomDimensions(tuple(widths), clear, tuple(tests))
 
 
 def dimension_rows(result: Reconstruction) -> list[Dimension]:
-    """All rooms of a reconstruction as rows of a table; walls are named by their number in their storey."""
-    rows = []
-    for storey in result.storeys:
-        for number, room in enumerate(storey.rooms, start=1):
-            where, found = f"{storey.name}, room {number}", room_dimensions(storey, room)
-            rows += [width(where, "", "width", _walls(w.walls), w.distance) for w in found.widths]
-            rows += [conformity(where, "", _walls(walls), test) for walls, test in found.tests]
+    """All rooms and openings of a reconstruction as rows of a table, metres, frame of the scans.
+
+    Walls are named by their number in their storey.
+    """
+    return [row for storey in result.storeys for row in storey_rows(storey, result.origin)]
+
+
+def storey_rows(storey: BuiltStorey, origin: Array) -> list[Dimension]:
+    """The same of one storey."""
+    rows: list[Dimension] = []
+    for number, room in enumerate(storey.rooms, start=1):
+        where, found = f"{storey.name}, room {number}", room_dimensions(storey, room)
+        rows += [width(where, "", "width", _walls(w.walls), w.distance) for w in found.widths]
+        if found.height is not None:
+            rows.append(width(where, "", "height", ("floor", "ceiling"), found.height))
+        rows += [conformity(where, "", _walls(walls), test) for walls, test in found.tests]
+        for name, face in (("floor", room.floor_face), ("ceiling", room.ceiling_face)):
+            rows += [conformity(where, "", (name,), test) for test in (face.flatness if face else ())]
+        rows += corner_rows(_bounded(where, storey, room, origin))
+    for k, wall in enumerate(storey.walls, start=1):
+        for number, o in enumerate(wall.openings, start=1):
+            where, (start, end, sill, head) = f"{storey.name}, wall {k}, {o.kind} {number}", o.edge_sigma
+            rows.append(width(where, "", "width", (f"wall {k}",), Estimate(o.width, float(np.hypot(start, end)))))
+            rows.append(width(where, "", "height", (f"wall {k}",), Estimate(o.height, float(np.hypot(sill, head)))))
     return rows
+
+
+def _bounded(where: str, storey: BuiltStorey, room: BuiltRoom, origin: Array) -> Room:
+    walls = [
+        Bound(f"wall {k}", face.plane, face.unevenness, (wall.start, wall.end))
+        for k, wall in enumerate(storey.walls, start=1) for face in wall.faces
+    ]  # fmt: skip
+    levels = [
+        None if face is None else Bound(name, face.plane, face.unevenness)
+        for name, face in (("floor", room.floor_face), ("ceiling", room.ceiling_face))
+    ]
+    return Room(where, "", room.outline, walls, *levels, origin)
 
 
 def _walls(rows: Sequence[int]) -> tuple[str, ...]:
@@ -109,6 +146,10 @@ def dimensions_to_json(found: RoomDimensions) -> dict[str, Any]:
              "interval_95": list(w.distance.interval), "loa": w.level}
             for w in found.widths
         ],
+        "height": None if found.height is None else {
+            "height": found.height.value, "sigma": found.height.sigma, "interval_95": list(found.height.interval),
+            "loa": level_of_accuracy(found.height.sigma),
+        },
         "tests": [
             {"test": t.name, "walls": _numbers(walls), "offset": t.value, "sigma": t.sigma, "p_value": t.p_value,
              "limit": t.limit, "p_limit": t.p_limit, "exceeds": t.exceeds}

@@ -82,10 +82,16 @@ def test_openings_say_how_surely_their_edges_are_known(built: tuple[Path, Path])
 def test_the_table_of_dimensions_has_every_room(built: tuple[Path, Path]) -> None:
     with (built[0].parent / "dimensions.csv").open(encoding="utf-8-sig", newline="") as stream:
         rows = list(csv.DictReader(stream))
-    assert {r["Where"][-6:] for r in rows} == {f"room {k}" for k in range(1, 5)}
-    kinds = {r["What"].split()[0] for r in rows}
-    assert kinds == {"width", "plumb", "orthogonality", "parallelism", "flatness"}
-    widths = [float(r["AsBuilt_mm"]) for r in rows if r["What"] == "width"]
+    rooms = [r for r in rows if "room" in r["Where"]]
+    assert {r["Where"][-6:] for r in rooms} == {f"room {k}" for k in range(1, 5)}
+    kinds = {r["What"].split()[0] for r in rooms}
+    tests = {"plumb", "orthogonality", "parallelism", "flatness"}
+    assert kinds == tests | {"width", "height", "vertex", "edge", "lean", "slope", "unevenness"}
+    widths = [float(r["AsBuilt_mm"]) for r in rooms if r["What"] == "width"]
+    heights = [r for r in rooms if r["What"] == "height"]
+    assert len(heights) == 4 and all(abs(float(r["AsBuilt_mm"]) - 1000 * flat().height) < 3.0 for r in heights)
+    openings = [r for r in rows if "room" not in r["Where"]]
+    assert {r["What"] for r in openings} == {"width", "height"} and all(float(r["Sigma_mm"]) > 0 for r in openings)
     for planned in (2560.0, 3525.0):  # the bath from west to east, the bedroom from south to north
         assert min(abs(w - planned) for w in widths) < 3.0
 
