@@ -60,7 +60,8 @@ class BuiltWall:
     """Places along the axis from ``start``."""
     joins: tuple[Join | None, Join | None]
     rooms: tuple[int, ...]
-    external: bool
+    external: bool | None
+    """Its other side is the outside; None where nothing tells what is there."""
     fit: FitRecord
     lean: float = 0.0
     """Of its faces from the vertical, rad."""

@@ -1,4 +1,4 @@
-"""A reconstruction against a reference model: matches per class, differences, and a quality with fixed normalisation.
+"""A model against a reference, mostly a reconstruction: matches per class, differences, and a quality with fixed normalisation.
 
 After Thomson and Boehm 2015: the mean of the normalised distance of middles in plan, area |length difference| x |width
 difference|, and sine of the angle. They normalise by the largest value of a run, so two runs cannot be compared; here the
@@ -196,6 +196,7 @@ def comparison_to_json(result: Comparison) -> dict[str, Any]:
     """Plain values, metres and degrees."""
     return {
         "quality": result.quality,
+        "limits": {"middle_m": MIDDLE_LIMIT_M, "area_m2": AREA_LIMIT_M2},
         "classes": {
             kind: {
                 "found": c.found, "reference": c.reference, "matched": len(c.matches), "precision": c.precision,

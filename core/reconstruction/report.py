@@ -14,6 +14,7 @@ from ..dimensions.table import COLUMNS, NUMERIC, shown
 from ..report.plain_page import Section, millimetres, percent, write_page
 from .building import ASSUMED, BuiltStorey, Reconstruction
 from .compare import Comparison
+from .compare_report import comparison_sections
 from .dimensions import storey_rows
 from .summary import summary_lines
 
@@ -50,19 +51,7 @@ def write_reconstruction_report(folder: str | Path, result: Reconstruction, comp
         ))  # fmt: skip
         sections.append(_dimensions(storey, result.origin))
     if comparison is not None:
-        sections.insert(0, Section(
-            "Against the reference", f"Quality {comparison.quality:.3f}: 0 is equal, what has no partner counts 1.",
-            columns=(
-                "Class", "Reference", "Found", "Matched", "Precision", "Recall", "F1", "Axis max mm", "Width max mm",
-                "Edge max mm, seen", "Edge max mm, all",
-            ),
-            rows=[
-                (kind, str(c.reference), str(c.found), str(len(c.matches)), f"{c.precision:.3f}", f"{c.recall:.3f}",
-                 f"{c.f1:.3f}", *(millimetres(c.largest(w)) for w in ("axis", "width", "seen_edge", "edge")))
-                for kind, c in comparison.classes.items()
-            ],
-            numeric=frozenset(range(1, 11)),
-        ))
+        sections = comparison_sections(comparison) + sections
     lines = summary_lines(result)
     meta = [("Scans", ", ".join(Path(p).name for p in result.scan_paths)), ("Notes", " ".join(lines[1:]))]
     return write_page(folder, "Reconstruction", "Scan to building model", lines[0], meta, sections)

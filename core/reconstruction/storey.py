@@ -26,7 +26,7 @@ from .openings import FaceRaster, Opening, face_raster, find_openings
 from .plan import make_plan
 from .rooms import Room, find_rooms
 from .thickness import Hint, hint, settle
-from .walls import WallLine, find_walls
+from .walls import SEEN_OUTSIDE, WallLine, find_walls
 
 Array = NDArray[np.float64]
 
@@ -35,6 +35,8 @@ LEAST_FIT = 30
 LEAST_SOLID = 0.12
 """A wall of which less is solid, where anything is known, is no wall: an opening of the whole width, a row of lamps."""
 NOISE_FACTOR = 4.0
+LOST_SHARE = 0.2
+"""In a room behind a hole all rays come back but a few."""
 
 
 @dataclass
@@ -84,7 +86,7 @@ def reconstruct_storey(
         openings = tuple(_moved(o, -start_u) for o in w.openings)
         fit, fitted = _fit(cloud, w, band, noise)
         lean = plumb_deviation(fitted[0].plane) if fitted else Estimate(0.0, 0.0)
-        external = all(p.right < 0 for p in w.line.pieces)
+        external = is_external(w.line, openings, rooms, cloud.stations)
         walls.append(
             BuiltWall(j.start, j.end, w.line.thickness, j.footprint, w.base, w.top, openings, j.joins,
                       tuple(sorted(w.line.rooms)), external, fit, lean.value, lean.sigma,
@@ -104,6 +106,22 @@ def _without(room: Room, columns: list[BuiltColumn]) -> Polygon:
     own = [c.footprint for c in columns if outline.contains(c.footprint)]
     rest = outline.difference(union_all(own)) if own else outline
     return max(rest.geoms, key=lambda p: p.area) if isinstance(rest, MultiPolygon) else rest
+
+
+def is_external(line: WallLine, openings: tuple[Opening, ...], rooms: list[Room], stations: Array) -> bool | None:
+    """Whether the outside is behind a wall; None where nothing tells.
+
+    No with rooms on both sides. Yes where a station out of all rooms stands on its other side and that face was seen; or
+    where a window is in it from which many rays do not come back, as from the sky.
+    """
+    if any(p.right >= 0 for p in line.pieces):
+        return False
+    inner = union_all([r.outline for r in rooms])
+    seen_outside = any(p.right == SEEN_OUTSIDE for p in line.pieces) and any(
+        s[:2] @ line.normal < line.near - line.thickness and not contains_xy(inner, s[0], s[1]) for s in stations
+    )
+    lost = any(o.kind == "window" and o.lost > LOST_SHARE for o in openings)
+    return True if seen_outside or lost else None
 
 
 def _built_room(

@@ -185,7 +185,9 @@ def test_an_updated_model_is_confirmed_by_the_same_scan(tmp_path: Path, schema: 
     write_verified_ifc(plan, first, tmp_path / "verified.ifc")
     source = (tmp_path / "verified.ifc").read_bytes()
     out, data = tmp_path / "updated.ifc", tmp_path / "out.json"
-    assert main(["update", str(tmp_path / "verified.ifc"), "--out", str(out), "--json", str(data)]) == 0
+    assert main(["update", str(tmp_path / "verified.ifc"), "--out", str(out), "--json", str(data), "--report",
+                 str(tmp_path / "moved")]) == 0
+    assert "partition" in (tmp_path / "moved" / "index.html").read_text(encoding="utf-8")
     assert (tmp_path / "verified.ifc").read_bytes() == source
     moved = {u["name"]: u for u in json.loads(data.read_text())["updates"]}
     assert {"partition", "column"} <= set(moved)
@@ -195,7 +197,8 @@ def test_an_updated_model_is_confirmed_by_the_same_scan(tmp_path: Path, schema: 
         assert (second[name].displacement or 0.0) < 0.002
     assert complaints(out) == complaints(plan)
     back = tmp_path / "back.ifc"
-    assert main(["update", str(out), "--out", str(back), "--undo"]) == 0
+    assert main(["update", str(out), "--out", str(back), "--undo", "--report", str(tmp_path / "undone")]) == 0
+    assert "put back" in (tmp_path / "undone" / "index.html").read_text(encoding="utf-8")
     reopened = ifcopenshell.open(str(back))
     for name in ("partition", "column", "opening", "door", "lamp"):
         product = things[name]
