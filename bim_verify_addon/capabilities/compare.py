@@ -28,7 +28,7 @@ class BimVerifyCompareSettings(bpy.types.PropertyGroup):
     """Of one scene."""
 
     summary: StringProperty()
-    report: BoolProperty(
+    with_report: BoolProperty(
         name="Report", description="Also write a report, into a folder beside the scene's file, or beside the model"
     )
 
@@ -54,7 +54,7 @@ def _state(scene: bpy.types.Scene) -> StepState:
 
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    layout.prop(context.scene.bim_verify_compare, "report")
+    layout.prop(context.scene.bim_verify_compare, "with_report")
     main_button(layout, "compare", "SELECT_DIFFERENCE")
 
 

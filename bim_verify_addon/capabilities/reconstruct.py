@@ -18,8 +18,8 @@ class BimVerifyReconstructSettings(bpy.types.PropertyGroup):
     """Of one scene."""
 
     summary: StringProperty()
-    report: BoolProperty(name="Report", description="Also write a report, into a folder beside the file (_report)")
-    dimensions: BoolProperty(
+    with_report: BoolProperty(name="Report", description="Also write a report, into a folder beside the file (_report)")
+    with_dimensions: BoolProperty(
         name="Dimensions",
         description="Also write a CSV beside the file (_dimensions): rooms and openings with 95 % intervals, corners, tests",
     )
@@ -39,7 +39,7 @@ def _state(scene: bpy.types.Scene) -> StepState:
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     settings = context.scene.bim_verify_reconstruct
     row = layout.row()
-    for name in ("report", "dimensions"):
+    for name in ("with_report", "with_dimensions"):
         row.prop(settings, name)
     main_button(layout, "reconstruct", "MOD_SOLIDIFY")
 

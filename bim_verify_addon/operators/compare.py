@@ -37,11 +37,11 @@ class BIMVERIFY_OT_compare(FileJob[Compared], bpy.types.Operator):
     bl_description = "Compare the model with another IFC file: what is in both, and differences of places and sizes"
     bl_options = {"REGISTER", "UNDO"}
     title = "Compare"
-    panel_settings = ("bim_verify_compare", "report")
+    panel_settings = ("bim_verify_compare", "with_report")
 
     filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file that the model is compared with")
     filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
-    report: BoolProperty(
+    with_report: BoolProperty(
         name="Report", default=False,
         description="Also write a report, into a folder beside the scene's file, or beside the model",
     )
@@ -60,7 +60,7 @@ class BIMVERIFY_OT_compare(FileJob[Compared], bpy.types.Operator):
         reference = Path(bpy.path.abspath(self.filepath))
         own = Path(project.model_path(context.scene.bim_verify) or "unsaved.ifc")
         folder, copy = bonsai.live_copy() or (nullcontext(), None)
-        report = project.folder(context.scene) / f"{own.stem}_comparison" if self.report else None
+        report = project.folder(context.scene) / f"{own.stem}_comparison" if self.with_report else None
 
         def work(progress: Progress) -> Compared:
             progress.update(0.0, "Reading the model")

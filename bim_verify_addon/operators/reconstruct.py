@@ -12,7 +12,7 @@ from bpy.props import BoolProperty, StringProperty
 from numpy.typing import NDArray
 
 from ...core.errors import BimVerifyError
-from ...core.files import all_or_none, whole_file
+from ...core.files import all_or_none
 from ...core.options import ReconstructOptions
 from ...core.progress import Progress
 from .. import bonsai, project
@@ -44,7 +44,7 @@ class BIMVERIFY_OT_reconstruct(FileJob[Made], bpy.types.Operator):
     bl_description = "Make an IFC4 model from the scans: storeys, rooms, walls, doors, windows, columns, slabs"
     bl_options = {"REGISTER", "UNDO"}
     title = "Reconstruct"
-    panel_settings = ("bim_verify_reconstruct", "report", "dimensions", "reference")
+    panel_settings = ("bim_verify_reconstruct", "with_report", "with_dimensions", "reference")
 
     filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file to write")
     filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
@@ -54,10 +54,10 @@ class BIMVERIFY_OT_reconstruct(FileJob[Made], bpy.types.Operator):
         default=True,
         description="Import what was made as the model of this scene; an earlier one leaves the scene, its file stays",
     )
-    report: BoolProperty(
+    with_report: BoolProperty(
         name="Report", default=False, description="Also write a report, into a folder beside the file (_report)"
     )
-    dimensions: BoolProperty(
+    with_dimensions: BoolProperty(
         name="Dimensions", default=False,
         description="Also write a CSV beside the file (_dimensions): rooms and openings with 95 % intervals, corners, tests",
     )
@@ -76,13 +76,12 @@ class BIMVERIFY_OT_reconstruct(FileJob[Made], bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Work[Made]:
         from ...core import jobs
         from ...core.dimensions.table import write_dimensions
-        from ...core.model.load import load_model
         from ...core.reconstruction.compare import compare, comparison_lines
         from ...core.reconstruction.dimensions import dimension_rows
         from ...core.reconstruction.report import write_reconstruction_report
         from ...core.reconstruction.shapes import read_shapes, shapes_of
         from ...core.reconstruction.summary import summary_lines
-        from ...core.reconstruction.write_ifc import building_file, write_reconstruction
+        from ...core.reconstruction.write_ifc import building_file, write_building_file
 
         settings = context.scene.bim_verify
         if not self.filepath:
@@ -99,24 +98,24 @@ class BIMVERIFY_OT_reconstruct(FileJob[Made], bpy.types.Operator):
         )
         show = self.show and bonsai.live_file() is None
 
-        report = path.with_name(f"{path.stem}_report") if self.report else None
-        table = path.with_name(f"{path.stem}_dimensions.csv") if self.dimensions else None
+        report = path.with_name(f"{path.stem}_report") if self.with_report else None
+        table = path.with_name(f"{path.stem}_dimensions.csv") if self.with_dimensions else None
 
         def work(progress: Progress) -> Made:
             reference = read_shapes(compared) if compared else None
             found = jobs.reconstruct(paths, options, progress.part(0.0, 0.9))
+            building = building_file(found)
             first, *notes = summary_lines(found)
             comparison = None
             if reference is not None:
-                comparison = compare(shapes_of(building_file(found), str(path)), reference)
+                comparison = compare(shapes_of(building, str(path)), reference)
                 notes += comparison_lines(comparison)
             loaded = None
+            if show:
+                progress.update(0.9, "Reading the model")
+                loaded = replace(project.model_of(building), path=str(path))
             with all_or_none():
-                with whole_file(path) as temporary:
-                    write_reconstruction(temporary, found, path.name)
-                    if show:
-                        loaded = load_model(temporary, threads=options.threads, progress=progress.part(0.9, 1.0))
-                        loaded = replace(loaded, path=str(path))
+                write_building_file(path, building)
                 if table is not None:
                     write_dimensions(table, dimension_rows(found))
                     notes.append(f"Dimensions: {table}")

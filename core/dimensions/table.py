@@ -43,6 +43,8 @@ class Dimension:
     p_limit: float | None = None
     """Of keeping the limit."""
     exceeds: bool | None = None
+    keeps: bool | None = None
+    """At 95 %; where it is neither shown to exceed the limit nor to keep it, the question is open."""
     covariance: tuple[float, ...] | None = None
     """Of a vertex: of this coordinate with x, y and z [m2]."""
 
@@ -68,7 +70,7 @@ def conformity(where: str, global_id: str, between: tuple[str, ...], test: Confo
     interval = Estimate(test.value, test.sigma).interval
     return Dimension(
         where, global_id, test.name, between, None, test.value, test.sigma, interval, None, test.p_value, test.limit,
-        test.p_limit, test.exceeds,
+        test.p_limit, test.exceeds, test.keeps,
     )
 
 
@@ -95,7 +97,7 @@ def shown(rows: Sequence[Dimension]) -> list[tuple[str, ...]]:
     return [
         (r.where, r.what, ", ".join(r.between), _mm(r.planned, 1), _mm(r.value, 1), f"{1960 * r.sigma:.1f}",
          _share(r.p_value, 3), _mm(r.limit, 0),
-         r.loa or ("" if r.exceeds is None else "exceeded" if r.exceeds else "kept"))
+         r.loa or ("" if r.exceeds is None else "exceeded" if r.exceeds else "kept" if r.keeps else "open"))
         for r in rows
     ]  # fmt: skip
 

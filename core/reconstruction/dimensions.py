@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 ON_FACE_M = 0.03
 """A side of a room this close to a face is the face's."""
+LEAST_OVERLAP_M = 0.02
 PARALLEL_COS = np.cos(np.radians(5.0))
 SQUARE_COS = np.sin(np.radians(5.0))
 
@@ -56,23 +57,26 @@ def room_dimensions(storey: BuiltStorey, room: BuiltRoom) -> RoomDimensions:
     height = room.ceiling - room.floor
     middle = np.array([*room.outline.representative_point().coords[0], 0.5 * (room.floor + room.ceiling)])
     faces = [
-        (k, plane, length)
+        (k, plane, sides)
         for k, wall in enumerate(storey.walls) for plane in (f.plane for f in wall.faces)
-        if (length := _length_in(room, plane)) > 0.0
+        if len(sides := _sides_on(room, plane))
     ]  # fmt: skip
     widths: list[RoomWidth] = []
     tests: list[tuple[tuple[int, ...], Conformity]] = [((k,), plumb(plane, height)) for k, plane, _ in faces]
     tests += [
         ((k,), test) for k, wall in enumerate(storey.walls) for face in wall.faces
-        if _length_in(room, face.plane) > 0.0 for test in face.flatness
+        if len(_sides_on(room, face.plane)) for test in face.flatness
     ]  # fmt: skip
-    for i, (a, first, first_length) in enumerate(faces):
-        for b, second, second_length in faces[i + 1 :]:
+    for i, (a, first, first_sides) in enumerate(faces):
+        for b, second, second_sides in faces[i + 1 :]:
             cosine = float(first.normal @ second.normal)
-            length = min(first_length, second_length)
+            length = min(_length(first_sides), _length(second_sides))
             if cosine < -PARALLEL_COS:
-                widths.append(RoomWidth((a, b), distance_between(first, second, middle)))
-                tests.append(((a, b), parallelism(first, second, length)))
+                between = _between(first, first_sides, second, second_sides)
+                if between is not None:
+                    at = np.array([*between, middle[2]])
+                    widths.append(RoomWidth((a, b), distance_between(first, second, at)))
+                    tests.append(((a, b), parallelism(first, second, length)))
             elif abs(cosine) < SQUARE_COS:
                 tests.append(((a, b), orthogonality(first, second, length)))
     bottom, top = room.floor_face, room.ceiling_face
@@ -124,18 +128,35 @@ def _walls(rows: Sequence[int]) -> tuple[str, ...]:
     return tuple(f"wall {k + 1}" for k in rows)
 
 
-def _length_in(room: BuiltRoom, plane: Plane) -> float:
-    """Length [m] of the room's outline that lies on the face, which looks into the room."""
-    ring = np.array(room.outline.exterior.coords)
-    total = 0.0
-    for start, end in pairwise(ring):
+def _sides_on(room: BuiltRoom, plane: Plane) -> Array:
+    """(K, 2, 2) ends of the sides of the room's outline that lie on the face, which looks into the room [m]."""
+    sides = []
+    for start, end in pairwise(np.array(room.outline.exterior.coords)):
         ends = np.column_stack([np.stack([start, end]), np.full(2, plane.centroid[2])])
-        if np.abs(plane.distance(ends)).max() > ON_FACE_M:
-            continue
         before = 0.5 * (start + end) + 2 * ON_FACE_M * plane.normal[:2]
-        if room.outline.contains(Point(*before)):
-            total += float(np.linalg.norm(end - start))
-    return total
+        if np.abs(plane.distance(ends)).max() <= ON_FACE_M and room.outline.contains(Point(*before)):
+            sides.append((start, end))
+    return np.array(sides).reshape(-1, 2, 2)
+
+
+def _length(sides: Array) -> float:
+    return float(np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1).sum())
+
+
+def _between(first: Plane, first_sides: Array, second: Plane, second_sides: Array) -> Array | None:
+    """(2,) the middle of where two faces look at each other, at the longest such stretch; None where they do not."""
+    along = np.array([-first.normal[1], first.normal[0]])
+    best, most = None, LEAST_OVERLAP_M
+    for a in first_sides:
+        for b in second_sides:
+            if (b - a[0]).mean(axis=0) @ first.normal[:2] <= 0.0 or (a - b[0]).mean(axis=0) @ second.normal[:2] <= 0.0:
+                continue
+            low = max((a @ along).min(), (b @ along).min())
+            high = min((a @ along).max(), (b @ along).max())
+            if high - low > most:
+                across = 0.5 * float((a.mean(axis=0) + b.mean(axis=0)) @ first.normal[:2])
+                best, most = 0.5 * (low + high) * along + across * first.normal[:2], high - low
+    return best
 
 
 def dimensions_to_json(found: RoomDimensions) -> dict[str, Any]:

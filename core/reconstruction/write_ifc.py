@@ -34,12 +34,15 @@ def write_reconstruction(path: str | Path, result: Reconstruction, name: str = "
 
     ``name``: of the file in its header, where ``path`` is not the last place of it.
     """
-    writer = _Writer(result)
-    writer.build()
+    write_building_file(path, building_file(result), name)
+
+
+def write_building_file(path: str | Path, file: Any, name: str = "") -> None:
+    """The same for what ``building_file`` made."""
     with whole_file(path) as temporary:
-        writer.file.header.file_name.name = name or Path(path).name
-        writer.file.header.file_name.time_stamp = TIME_STAMP
-        writer.file.write(str(temporary))
+        file.header.file_name.name = name or Path(path).name
+        file.header.file_name.time_stamp = TIME_STAMP
+        file.write(str(temporary))
 
 
 def building_file(result: Reconstruction) -> Any:

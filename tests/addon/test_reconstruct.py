@@ -78,7 +78,7 @@ def test_report_dimensions_and_comparison_lie_beside_it(
     ops.import_scan(filepath=str(scan))
     monkeypatch.setattr(jobs, "reconstruct", lambda *_: made)
     settings = blender.bim_verify_reconstruct
-    settings.report = settings.dimensions = True
+    settings.with_report = settings.with_dimensions = True
     settings.reference = str(house)
     assert ops.reconstruct("INVOKE_DEFAULT", filepath=str(tmp_path / "made.ifc")) == {"FINISHED"}
     assert sorted(p.name for p in tmp_path.iterdir()) == ["made.ifc", "made_dimensions.csv", "made_report"]
@@ -96,7 +96,7 @@ def test_the_model_is_compared_with_another_file(
     assert set(kinds.values()) == {"MATCHED"}
     assert "Quality against the reference: 0.000" in blender.bim_verify_compare.summary
     write_reconstruction(tmp_path / "one_wall.ifc", made)
-    blender.bim_verify_compare.report = True
+    blender.bim_verify_compare.with_report = True
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     assert ops.compare("INVOKE_DEFAULT", filepath=str(tmp_path / "one_wall.ifc")) == {"FINISHED"}
     assert {i.get(compare.KIND_KEY) for i in scene.element_objects(blender).values()} == {"MATCHED", "EXTRA"}
