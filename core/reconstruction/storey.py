@@ -19,6 +19,7 @@ from ..progress import Progress
 from .building import ASSUMED, BuiltColumn, BuiltRoom, BuiltWall, FitRecord, FittedFace
 from .columns import find_columns
 from .crossings import BAND_M, Crossings, cross
+from .face_points import EDGE_M, REACH_M, surface_returns
 from .faces import find_faces, upright_surfels
 from .joins import join_walls
 from .levels import Storey
@@ -136,12 +137,14 @@ def _level_face(
     cloud: Cloud, room: Room, level: float, up: float, band: float, noise: PointNoise
 ) -> FittedFace | None:
     """The floor (``up`` 1) or ceiling (-1) of a room, from the returns near its level."""
-    inner = room.outline.buffer(-band)
+    inner = room.outline.buffer(-EDGE_M)
     x0, y0, x1, y1 = inner.bounds if not inner.is_empty else (0.0, 0.0, 0.0, 0.0)
     x, y, z = cloud.points.T
-    rows = np.flatnonzero((np.abs(z - level) <= band) & (x > x0) & (x < x1) & (y > y0) & (y < y1))
-    rows = rows[:: max(1, len(rows) // (2 * FIT_POINTS))]
+    rows = np.flatnonzero((np.abs(z - level) < REACH_M) & (x > x0) & (x < x1) & (y > y0) & (y < y1))
+    rows = rows[:: max(1, len(rows) // (4 * FIT_POINTS))]
     rows = rows[contains_xy(inner, x[rows], y[rows])]
+    at, ends = np.column_stack([x[rows], y[rows]]), np.array(room.outline.bounds).reshape(2, 2)
+    rows = rows[surface_returns(at, z[rows] - level, band, ends, np.zeros((0, 2, 2)))]
     if len(rows) < LEAST_FIT:
         return None
     kind = "finished floor" if up > 0 else "finished wall"
@@ -207,7 +210,11 @@ def _moved(o: Opening, by: float) -> Opening:
 def _fit(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> tuple[FitRecord, tuple[FittedFace, ...]]:
     faces = []
     for side in work.sides:
-        rows = side.row[side.on_face(band)]
+        near = np.abs(side.depth) < REACH_M
+        at = np.column_stack([side.end_u, side.end_z])[near]
+        ends = np.array([[work.line.u0, work.base], [work.line.u1, work.top]])
+        holes = np.array([[[o.u0, o.z0], [o.u1, o.z1]] for o in work.openings]).reshape(-1, 2, 2)
+        rows = side.row[near][surface_returns(at, side.depth[near], band, ends, holes)]
         if len(rows) >= LEAST_FIT:
             faces.append(_fitted_face(cloud, rows, "finished wall", noise))
     known = work.raster.state
