@@ -85,6 +85,10 @@ def main() -> None:
             own = [e for m in comparison.classes["openings"].matches for e in m.edges_in_sigmas]
             print(f"  {coverage(own)}", flush=True)
             edges += own
+            tests = [t for s in result.storeys for w in s.walls for face in w.faces for t in face.flatness]
+            uneven, largest = sum(t.p_value < 0.05 for t in tests), max((t.value for t in tests), default=0.0)
+            print(f"  Walls are flat in truth: {uneven} of {len(tests)} tests of flatness have p below 0.05, largest gap "
+                  f"{1000 * largest:.1f} mm.", flush=True)
     print(f"All: {coverage(edges)}")
 
 
