@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -53,7 +54,7 @@ class Conformity:
     @property
     def keeps(self) -> bool:
         """It keeps the limit, at 95 %. Where neither holds, the question is open."""
-        return not self.exceeds and abs(self.value) + Z90 * self.sigma < self.limit
+        return bool(not self.exceeds and abs(self.value) + Z90 * self.sigma < self.limit)
 
 
 def angle_limit(length: float) -> float:
@@ -84,8 +85,10 @@ def parallelism(first: Plane, second: Plane, length: float) -> Conformity:
     if max(abs(first.normal[2]), abs(second.normal[2])) < UPRIGHT:
         level = np.array([-first.normal[1], first.normal[0], 0.0])
         level /= np.linalg.norm(level)
-        variance = sum(float(p.axes @ level @ p.covariance[:2, :2] @ p.axes @ level) for p in (first, second))
-        return _offset("parallelism", abs(float(level @ (other - first.normal))) * length, np.sqrt(variance) * length, limit)
+        turns = [p.axes @ level for p in (first, second)]
+        variance = sum(float(t @ p.covariance[:2, :2] @ t) for t, p in zip(turns, (first, second), strict=True))
+        offset = abs(float(level @ (other - first.normal))) * length
+        return _offset("parallelism", offset, math.sqrt(variance) * length, limit)
     turn = first.axes @ (other - first.normal)
     across = first.axes @ second.axes.T
     covariance = first.covariance[:2, :2] + across @ second.covariance[:2, :2] @ across.T
