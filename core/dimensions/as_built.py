@@ -138,11 +138,12 @@ def _face(result: VerificationResult, rows: Rows) -> Face | None:
 
 def _bounded(space: Region, faces: list[Face], names: Sequence[str], origin: Array, registration: float) -> Room:
     walls = [_bound(f, names) for f in faces if abs(f.normal[2]) < UPRIGHT]
-    levels = []
-    for side in (1.0, -1.0):
-        own = [f for f in faces if side * f.normal[2] > LEVEL_COS]
-        levels.append(_bound(max(own, key=lambda f: len(f.points)), names) if own else None)
-    return Room(space.name, space.global_id, space.outline, walls, *levels, origin, registration)
+    floor, ceiling = (_level_bound([f for f in faces if side * f.normal[2] > LEVEL_COS], names) for side in (1.0, -1.0))
+    return Room(space.name, space.global_id, space.outline, walls, floor, ceiling, origin, registration)
+
+
+def _level_bound(faces: list[Face], names: Sequence[str]) -> Bound | None:
+    return _bound(max(faces, key=lambda f: len(f.points)), names) if faces else None
 
 
 def _bound(face: Face, names: Sequence[str]) -> Bound:

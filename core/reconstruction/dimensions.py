@@ -117,11 +117,11 @@ def _bounded(where: str, storey: BuiltStorey, room: BuiltRoom, origin: Array) ->
         Bound(f"wall {k}", face.plane, face.unevenness, (wall.start, wall.end))
         for k, wall in enumerate(storey.walls, start=1) for face in wall.faces
     ]  # fmt: skip
-    levels = [
+    floor, ceiling = (
         None if face is None else Bound(name, face.plane, face.unevenness)
         for name, face in (("floor", room.floor_face), ("ceiling", room.ceiling_face))
-    ]
-    return Room(where, "", room.outline, walls, *levels, origin)
+    )
+    return Room(where, "", room.outline, walls, floor, ceiling, origin)
 
 
 def _walls(rows: Sequence[int]) -> tuple[str, ...]:

@@ -25,8 +25,9 @@ SEEN_CELLS = 3.0
 WITHIN_CELLS = 1.5
 """A face may reach so far beyond the line of cells at which its hole was found to begin."""
 LEAST_STRIPS = 3
-BEAM_M = 0.002
-"""Neighbouring strips share the width of the beam; that much of an edge's error stays."""
+BEAM_M = 0.004
+"""Radius of a beam's footprint: a beam that straddles an edge may still return from the face, so all strips see a hole too
+narrow by up to that, and that much of an edge's error stays."""
 REVEAL_BIN_M = 0.01
 LEAST_REVEAL_RETURNS = 30
 REVEAL_SPAN_M = (0.03, 0.2)

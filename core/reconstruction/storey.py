@@ -219,8 +219,8 @@ def _fit(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> tuple[Fit
             faces.append(_fitted_face(cloud, rows, "finished wall", noise))
     known = work.raster.state
     solid = float((known == 1).sum())
-    holes = sum(o.width * o.height for o in work.openings) / work.raster.cell**2
-    quality = min(1.0, solid / max(known.size - holes, 1.0))
+    open_cells = sum(o.width * o.height for o in work.openings) / work.raster.cell**2
+    quality = min(1.0, solid / max(known.size - open_cells, 1.0))
     if not faces:
         return FitRecord(None, None, quality, None, work.line.source), ()
     planes = [f.plane for f in faces]
