@@ -2,8 +2,9 @@
 
     python scripts/bench_planes.py [--runs 10000] [--uneven-runs 400]
 
-Three parts: independent noise (every standard deviation against its sample), surfaces with an unevenness that is estimated
-from each run's residuals (how often the 95 % intervals hold), and the findings of Jarzabek-Rychard and Maas 2023.
+Four parts: independent noise (every standard deviation against its sample), surfaces with an unevenness that is estimated
+from each run's residuals (how often the 95 % intervals hold), single walls with other unevenness, and the findings of
+Jarzabek-Rychard and Maas 2023.
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ from bim_verify.core.planes.derived import (
     Z95,
     angle_between,
     distance_between,
+    edge_length,
     intersect_three,
     intersect_two,
     plane_slope,
     plumb_deviation,
+    rise,
 )
 from bim_verify.core.planes.fit import Plane, fit_plane
 from bim_verify.core.planes.noise import PointNoise
@@ -87,6 +90,13 @@ def quantities(planes: dict[str, Plane]) -> dict[str, tuple[float, float]]:
     for a, b in (("west", "south"), ("east", "floor")):
         e = angle_between(planes[a], planes[b])
         out[f"angle {a}-{b}"] = e.value, e.sigma
+    for a, b, start, end in (("west", "south", "floor", "ceiling"), ("north", "floor", "west", "east")):
+        length = edge_length(planes[a], planes[b], planes[start], planes[end])
+        out[f"length {a}/{b}"] = length.value, length.sigma
+    for axis, found in zip("xy", intersect_two(planes["west"], planes["north"]).lean, strict=True):
+        out[f"edge west/north lean {axis}"] = found.value, found.sigma
+    for axis, found in zip("xy", rise(planes["tilted"]), strict=True):
+        out[f"tilted rise {axis}"] = found.value, found.sigma
     slope = plane_slope(planes["tilted"])
     out["tilted slope"] = slope.value, slope.sigma
     return out
@@ -183,6 +193,27 @@ def uneven(runs: int, sigma: float = 0.002, length: float = 0.5) -> None:
           f"estimated unevenness (median {np.median(estimates) * 1000:.2f} mm), {np.mean(naive):.1%} without")
 
 
+def walls(runs: int) -> None:
+    """The same for a single wall, at its corners and its middle, with other unevenness (mm, m) and with none."""
+    places = np.array([[0.0, y * ROOM[1], z * ROOM[2]] for y, z in ((0, 0), (1, 0), (0.5, 0.5), (1, 1), (0.1, 0.5))])
+    noise = PointNoise(0.002, 0.0, 4e-5)
+    for sigma, length in ((0.0, 1.0), (0.3, 0.5), (1.0, 0.5), (1.0, 1.5), (2.0, 0.5), (3.0, 2.0)):
+        rng = np.random.default_rng((7, round(10 * sigma), round(10 * length)))
+        true = face("west", 1500, rng)
+        cells, index = np.unique(np.round(true[:, 1:] / 0.12) * 0.12, axis=0, return_inverse=True)
+        root = np.linalg.cholesky(
+            np.exp(-np.linalg.norm(cells[:, None] - cells[None], axis=2) / length) + 1e-9 * np.eye(len(cells))
+        )
+        inside = []
+        for _ in range(runs):
+            cloud = true.copy()
+            cloud[:, 0] += 0.001 * sigma * (root @ rng.standard_normal(len(cells)))[index.ravel()]
+            cloud = noisy(cloud, noise, rng)
+            plane, _ = with_unevenness(fit_plane(cloud, STATION, noise), cloud)
+            inside.append(np.abs(plane.distance(places)) < Z95 * plane.sigma_at(places))
+        print(f"wall uneven by {sigma:g} mm over {length:g} m, {runs} runs: 95 % intervals hold {np.mean(inside):.1%}")
+
+
 def findings() -> None:
     """Slope against number of points and coverage; vertices of a room, flat and uneven."""
     rng = np.random.default_rng(2)
@@ -218,4 +249,5 @@ if __name__ == "__main__":
     arguments = parser.parse_args()
     independent(arguments.runs)
     uneven(arguments.uneven_runs)
+    walls(arguments.uneven_runs)
     findings()

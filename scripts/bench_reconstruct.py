@@ -23,6 +23,7 @@ PACKAGE = package()
 
 from bim_verify.core.jobs import reconstruct  # noqa: E402
 from bim_verify.core.model.load import load_model  # noqa: E402
+from bim_verify.core.planes.derived import Z95  # noqa: E402
 from bim_verify.core.reconstruction.compare import compare, comparison_lines  # noqa: E402
 from bim_verify.core.reconstruction.shapes import read_shapes  # noqa: E402
 from bim_verify.core.reconstruction.write_ifc import write_reconstruction  # noqa: E402
@@ -59,6 +60,7 @@ def main() -> None:
     parser.add_argument("--step-deg", type=float, default=0.18)
     parser.add_argument("--keep", metavar="FOLDER", help="leave the truth, the scans and what was found in this folder")
     arguments = parser.parse_args()
+    edges: list[tuple[bool, float]] = []
     with nullcontext(arguments.keep) if arguments.keep else tempfile.TemporaryDirectory() as folder:
         for name in arguments.cases.split(","):
             truth, built, scan, found = (Path(folder) / f"{name}{end}" for end in ("_truth.ifc", ".ifc", ".e57", "_found.ifc"))
@@ -77,8 +79,27 @@ def main() -> None:
             write_reconstruction(found, result)
             seconds = time.perf_counter() - begin
             print(f"{name}: {written.returns:,} returns of {len(positions)} stations, {seconds:.1f} s", flush=True)
-            for line in comparison_lines(compare(read_shapes(found), read_shapes(truth))):
+            comparison = compare(read_shapes(found), read_shapes(truth))
+            for line in comparison_lines(comparison):
                 print(f"  {line}", flush=True)
+            own = [e for m in comparison.classes["openings"].matches for e in m.edges_in_sigmas]
+            print(f"  {coverage(own)}", flush=True)
+            edges += own
+            tests = [t for s in result.storeys for w in s.walls for face in w.faces for t in face.flatness]
+            uneven, largest = sum(t.p_value < 0.05 for t in tests), max((t.value for t in tests), default=0.0)
+            print(f"  Walls are flat in truth: {uneven} of {len(tests)} tests of flatness have p below 0.05, largest gap "
+                  f"{1000 * largest:.1f} mm.", flush=True)
+    print(f"All: {coverage(edges)}")
+
+
+def coverage(edges: list[tuple[bool, float]]) -> str:
+    """How often the 95 % intervals of the edges of openings hold the truth."""
+    parts = []
+    for word, wanted in (("seen", True), ("hidden", False)):
+        off = [abs(z) for seen, z in edges if seen == wanted]
+        held = sum(z < Z95 for z in off)
+        parts.append(f"{held} of {len(off)} {word} edges" + (f" (worst {max(off):.1f} sigma)" if off else ""))
+    return "95 % intervals hold for " + ", ".join(parts) + "."
 
 
 if __name__ == "__main__":

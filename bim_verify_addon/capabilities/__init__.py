@@ -16,6 +16,7 @@ NAMES = (
     "quality",
     "plan",
     "reconstruct",
+    "compare",
     "displacement",
     "classify",
     "facade",

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, StringProperty
 
 from .. import project
 from .. import scene as scenery
@@ -18,6 +18,14 @@ class BimVerifyReconstructSettings(bpy.types.PropertyGroup):
     """Of one scene."""
 
     summary: StringProperty()
+    with_report: BoolProperty(name="Report", description="Also write a report, into a folder beside the file (_report)")
+    with_dimensions: BoolProperty(
+        name="Dimensions",
+        description="Also write a CSV beside the file (_dimensions): rooms and openings with 95 % intervals, corners, tests",
+    )
+    reference: StringProperty(
+        name="Compare with", subtype="FILE_PATH", description="IFC file that what was made is compared with; empty for none"
+    )
 
 
 def _state(scene: bpy.types.Scene) -> StepState:
@@ -29,7 +37,15 @@ def _state(scene: bpy.types.Scene) -> StepState:
 
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    settings = context.scene.bim_verify_reconstruct
+    row = layout.row()
+    for name in ("with_report", "with_dimensions"):
+        row.prop(settings, name)
     main_button(layout, "reconstruct", "MOD_SOLIDIFY")
+
+
+def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    layout.prop(context.scene.bim_verify_reconstruct, "reference")
 
 
 def _forget(scene: bpy.types.Scene) -> None:
@@ -57,7 +73,7 @@ def show(scene: bpy.types.Scene, result: Any) -> bool:
 
 CAPABILITY = Capability(
     "reconstruct",
-    Step("reconstruct", "Reconstruct", _state, _draw, optional=True),
+    Step("reconstruct", "Reconstruct", _state, _draw, _expert, optional=True),
     settings=BimVerifyReconstructSettings,
     forget=_forget,
     show=show,

@@ -34,6 +34,7 @@ def _state(scene: bpy.types.Scene) -> StepState:
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     main_button(layout, "update_model", "MOD_ARRAY")
+    layout.operator("bim_verify.undo_update", icon="LOOP_BACK")
 
 
 def _kind(item: bpy.types.Object) -> str:

@@ -3,6 +3,7 @@
 from .align import BIMVERIFY_OT_align
 from .change import BIMVERIFY_OT_change
 from .classify import BIMVERIFY_OT_classify
+from .compare import BIMVERIFY_OT_compare
 from .coregister import BIMVERIFY_OT_coregister
 from .decide import BIMVERIFY_OT_decide
 from .displacement import BIMVERIFY_OT_displacement
@@ -27,6 +28,7 @@ from .reference_scans import BIMVERIFY_OT_add_reference, BIMVERIFY_OT_remove_ref
 from .select_findings import BIMVERIFY_OT_select_findings
 from .show_results import BIMVERIFY_OT_show_results
 from .simulate import BIMVERIFY_OT_simulate
+from .undo_update import BIMVERIFY_OT_undo_update
 from .update_model import BIMVERIFY_OT_update_model
 from .verify import BIMVERIFY_OT_verify
 from .walk_findings import BIMVERIFY_OT_isolate_findings, BIMVERIFY_OT_step_finding
@@ -50,6 +52,7 @@ CLASSES = (
     BIMVERIFY_OT_plan,
     BIMVERIFY_OT_simulate,
     BIMVERIFY_OT_reconstruct,
+    BIMVERIFY_OT_compare,
     BIMVERIFY_OT_displacement,
     BIMVERIFY_OT_classify,
     BIMVERIFY_OT_facade,
@@ -58,6 +61,7 @@ CLASSES = (
     BIMVERIFY_OT_decide,
     BIMVERIFY_OT_export_ifc,
     BIMVERIFY_OT_update_model,
+    BIMVERIFY_OT_undo_update,
     BIMVERIFY_OT_export_bcf,
     BIMVERIFY_OT_report,
     BIMVERIFY_OT_export_table,

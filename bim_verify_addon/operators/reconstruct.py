@@ -12,7 +12,7 @@ from bpy.props import BoolProperty, StringProperty
 from numpy.typing import NDArray
 
 from ...core.errors import BimVerifyError
-from ...core.files import whole_file
+from ...core.files import all_or_none
 from ...core.options import ReconstructOptions
 from ...core.progress import Progress
 from .. import bonsai, project
@@ -44,6 +44,7 @@ class BIMVERIFY_OT_reconstruct(FileJob[Made], bpy.types.Operator):
     bl_description = "Make an IFC4 model from the scans: storeys, rooms, walls, doors, windows, columns, slabs"
     bl_options = {"REGISTER", "UNDO"}
     title = "Reconstruct"
+    panel_settings = ("bim_verify_reconstruct", "with_report", "with_dimensions", "reference")
 
     filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file to write")
     filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
@@ -52,6 +53,16 @@ class BIMVERIFY_OT_reconstruct(FileJob[Made], bpy.types.Operator):
         name="Take as the model",
         default=True,
         description="Import what was made as the model of this scene; an earlier one leaves the scene, its file stays",
+    )
+    with_report: BoolProperty(
+        name="Report", default=False, description="Also write a report, into a folder beside the file (_report)"
+    )
+    with_dimensions: BoolProperty(
+        name="Dimensions", default=False,
+        description="Also write a CSV beside the file (_dimensions): rooms and openings with 95 % intervals, corners, tests",
+    )
+    reference: StringProperty(
+        name="Compare with", subtype="FILE_PATH", description="IFC file that what was made is compared with; empty for none"
     )
 
     @classmethod
@@ -64,16 +75,21 @@ class BIMVERIFY_OT_reconstruct(FileJob[Made], bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Work[Made]:
         from ...core import jobs
-        from ...core.model.load import load_model
+        from ...core.dimensions.table import write_dimensions
+        from ...core.reconstruction.compare import compare, comparison_lines
+        from ...core.reconstruction.dimensions import dimension_rows
+        from ...core.reconstruction.report import write_reconstruction_report
+        from ...core.reconstruction.shapes import read_shapes, shapes_of
         from ...core.reconstruction.summary import summary_lines
-        from ...core.reconstruction.write_ifc import write_reconstruction
+        from ...core.reconstruction.write_ifc import building_file, write_building_file
 
         settings = context.scene.bim_verify
         if not self.filepath:
             raise BimVerifyError("No file name was given. Choose where to write the IFC file.")
         path, paths = Path(bpy.path.abspath(self.filepath)).with_suffix(".ifc"), project.scan_paths(settings)
         model = project.model_path(settings)
-        if path.resolve() in {Path(p).resolve() for p in (*paths, *([model] if model else []))}:
+        compared = bpy.path.abspath(self.reference) if self.reference else ""
+        if path.resolve() in {Path(p).resolve() for p in (*paths, model, compared) if p}:
             raise BimVerifyError(f"{path} is an input, which is never written to. Give another name.")
         common = project.options(settings)
         options = ReconstructOptions(
@@ -82,16 +98,31 @@ class BIMVERIFY_OT_reconstruct(FileJob[Made], bpy.types.Operator):
         )
         show = self.show and bonsai.live_file() is None
 
+        report = path.with_name(f"{path.stem}_report") if self.with_report else None
+        table = path.with_name(f"{path.stem}_dimensions.csv") if self.with_dimensions else None
+
         def work(progress: Progress) -> Made:
+            reference = read_shapes(compared) if compared else None
             found = jobs.reconstruct(paths, options, progress.part(0.0, 0.9))
-            loaded = None
-            with whole_file(path) as temporary:
-                write_reconstruction(temporary, found, path.name)
-                if show:
-                    loaded = load_model(temporary, threads=options.threads, progress=progress.part(0.9, 1.0))
-                    loaded = replace(loaded, path=str(path))
-                progress.check()
+            building = building_file(found)
             first, *notes = summary_lines(found)
+            comparison = None
+            if reference is not None:
+                comparison = compare(shapes_of(building, str(path)), reference)
+                notes += comparison_lines(comparison)
+            loaded = None
+            if show:
+                progress.update(0.9, "Reading the model")
+                loaded = replace(project.model_of(building), path=str(path))
+            with all_or_none():
+                write_building_file(path, building)
+                if table is not None:
+                    write_dimensions(table, dimension_rows(found))
+                    notes.append(f"Dimensions: {table}")
+                if report is not None:
+                    write_reconstruction_report(report, found, comparison)
+                    notes.append(f"Report: {report}")
+                progress.check()
             return Made(path, first, notes, loaded, project.placement(loaded, paths, common))
 
         return work

@@ -75,6 +75,7 @@ def _header(result: Classification, returns: SortedReturns) -> laspy.LasHeader:
          laspy.ExtraBytesParams("deviation", np.float32, "m from the planned surface")]
     )  # fmt: skip
     header.generating_software = "bim_verify"
+    header.global_encoding.wkt = True  # LAS 1.4 asks for it with point formats from 6 on
     return header
 
 

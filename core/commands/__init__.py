@@ -8,6 +8,7 @@ from . import (
     bundle,
     change,
     classify,
+    compare,
     coregister,
     decide,
     demo,
@@ -24,8 +25,8 @@ from . import (
 from .table import Argument, Command, Outcome
 
 COMMANDS: tuple[Command, ...] = (
-    verify.COMMAND, change.COMMAND, quality.COMMAND, plan.COMMAND, reconstruct.COMMAND, classify.COMMAND, update.COMMAND,
-    facade.COMMAND, displacement.COMMAND, coregister.COMMAND, bundle.COMMAND,
+    verify.COMMAND, change.COMMAND, quality.COMMAND, plan.COMMAND, reconstruct.COMMAND, compare.COMMAND,
+    classify.COMMAND, update.COMMAND, facade.COMMAND, displacement.COMMAND, coregister.COMMAND, bundle.COMMAND,
     decide.COMMAND, simulate.COMMAND, info.COMMAND, demo.COMMAND,
 )
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from ..errors import BimVerifyError
 from ..options import ClassifyOptions
 from ..progress import Progress
-from .checks import check_outputs, input_options, larger_than_zero, zero_or_more
+from .checks import check_outputs, check_report, input_options, larger_than_zero, zero_or_more
 from .table import COMMON, MODEL, ORIGIN, SCANS, Argument, Command, Outcome, Values
 
 DEFAULT = ClassifyOptions()
@@ -26,9 +26,11 @@ def classify_options(values: Values) -> ClassifyOptions:
 
 
 def _classify(values: Values, progress: Progress) -> Outcome:
+    from ..classification.report import write_classification_report
     from ..classification.results import classification_to_json
     from ..classification.write import write_classified
     from ..jobs import classify
+    from ..report.page_frame import PAGE
 
     options = classify_options(values)
     suffix = Path(values["out"]).suffix.lower()
@@ -36,15 +38,22 @@ def _classify(values: Values, progress: Progress) -> Outcome:
         raise BimVerifyError(f"--out {values['out']} must end with .e57, .las or .laz.")
     if (values["per_station"] or values["fields"]) and suffix != ".e57":
         raise BimVerifyError("--per-station and --fields are for E57 files; in LAS files each point names its station.")
-    check_outputs([values["model"], *values["scan"]], [values[key] for key in ("out", "json") if values[key]])
+    inputs, outputs = [values["model"], *values["scan"]], [values[key] for key in ("out", "json") if values[key]]
+    check_outputs(inputs, outputs)
+    if values["report"]:
+        check_report(values["report"], (PAGE,), inputs, outputs)
     result = classify(values["model"], values["scan"], options, progress.part(0.0, 0.6))
     lines = [result.summary(), *_notes(result.moved, result.absent), f"Classified cloud: {values['out']}"]
+    if values["report"]:
+        lines.append(f"Report: {Path(values['report']) / PAGE}")
 
     def write() -> None:
         write_classified(
             values["out"], result, options.memory_gb, progress.part(0.6, 1.0), per_station=values["per_station"],
             fields=values["fields"],
         )
+        if values["report"]:
+            write_classification_report(values["report"], result)
 
     return Outcome(lines, classification_to_json(result), result, write)
 
@@ -77,6 +86,7 @@ COMMAND = Command(
         ),
         Argument("--frame", "frame the scans are in", str, DEFAULT.scan_frame, ("auto", "model", "map")),
         ORIGIN,
+        Argument("--report", "folder for the report (one HTML page)"),
         *COMMON,
     ),
     _classify,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ..files import all_or_none
 from ..progress import Progress
-from . import classify, coregister, displacement, facade, plan, quality, reconstruct, update
+from . import classify, compare, coregister, displacement, facade, plan, quality, reconstruct, update
 from .table import Command, Outcome, Values
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Stop = tuple[str, Command, dict[str, object]]
 """What it shows, the command, and those of its values that are not the defaults."""
-STOPS = 8
+STOPS = 9
 
 
 def tour(folder: Path, shared: Values, progress: Progress) -> Iterator[str]:
@@ -58,9 +58,13 @@ def _stops(folder: Path, model: BuildingModel, seed: int) -> Iterator[Stop]:
     }
     yield "The model moved to what was built", update.COMMAND, {
         "model": str(folder / "house_verified.ifc"), "out": str(folder / "house_updated.ifc"),
+        "report": str(folder / "update"),
+    }
+    yield "What that changed, model against model", compare.COMMAND, {
+        "model": str(folder / "house_updated.ifc"), "reference": house, "report": str(folder / "compare"),
     }
     yield "The scan split by element", classify.COMMAND, {
-        "model": house, "scan": [scan], "out": str(folder / "classified.e57"),
+        "model": house, "scan": [scan], "out": str(folder / "classified.e57"), "report": str(folder / "classify"),
     }
     yield "A model from the scan alone", reconstruct.COMMAND, {
         "scan": [scan], "out": str(folder / "reconstructed.ifc"), "compare": house, "report": str(folder / "reconstruct"),

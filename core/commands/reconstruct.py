@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+from ..errors import BimVerifyError
 from ..options import ReconstructOptions
 from ..progress import Progress
 from .checks import check_outputs, check_report, input_options, larger_than_zero
@@ -28,6 +30,8 @@ def _reconstruct(values: Values, progress: Progress) -> Outcome:
     from ..report.page_frame import PAGE
 
     options = reconstruct_options(values)
+    if Path(values["out"]).suffix.lower() != ".ifc":
+        raise BimVerifyError(f"--out {values['out']} must end with .ifc.")
     inputs = [*values["scan"], *([values["compare"]] if values["compare"] else [])]
     outputs = [values[key] for key in ("out", "json", "dimensions") if values[key]]
     check_outputs(inputs, outputs)

@@ -14,8 +14,9 @@ from ..planes.conformity import flatness, orthogonality, parallelism, plumb
 from ..planes.derived import Estimate, distance_between
 from ..planes.fit import Plane, fit_plane
 from ..planes.noise import PointNoise
-from ..planes.unevenness import with_unevenness
+from ..planes.unevenness import Unevenness, with_unevenness
 from ..results import VerificationResult
+from .corners import Bound, Room, corner_rows
 from .regions import Region, read_regions
 from .table import Dimension, conformity, width
 
@@ -33,6 +34,7 @@ LEAST_SPAN_M = 0.05
 LEAST_OVERLAP_M = 0.02
 OPPOSITE_COS = -np.cos(np.radians(5.0))
 SQUARE_COS = np.sin(np.radians(5.0))
+LEVEL_COS = np.cos(np.radians(5.0))
 UPRIGHT = np.sin(np.radians(5.0))
 NORMAL_STEP, OFFSET_STEP_M = 0.01, 0.005
 """Planned places are of one face where their normals agree to this, and no step in offset is larger."""
@@ -52,10 +54,12 @@ class Face:
     """(N, 3) measured."""
     sigma: float
     """Of one sample's deviation, median [m]."""
+    unevenness: Unevenness | None
 
 
 def as_built_dimensions(result: VerificationResult, source: str | Path | None = None) -> list[Dimension]:
-    """Clear widths and heights of every space and opening of the model's file, and tests of the faces of the spaces.
+    """Clear widths and heights of every space and opening of the model's file; of the spaces also vertices, edges, slopes,
+    unevenness and tests of their faces.
 
     ``source``: the file, where it is another than ``result.model.path``. Only faces that were measured are used. Raises
     BimVerifyError when the file cannot be read.
@@ -71,7 +75,9 @@ def as_built_dimensions(result: VerificationResult, source: str | Path | None = 
     for space in spaces:
         chosen = np.flatnonzero(measured & bounds[result.samples.element])
         chosen = chosen[space.holds(before[chosen])]
-        rows += _room(space, _faces(result, chosen), names, shared)
+        faces = _faces(result, chosen)
+        rows += _room(space, faces, names, shared)
+        rows += corner_rows(_bounded(space, faces, names, result.model.origin, shared / np.sqrt(2.0)))
     host = {e.global_id: k for k, e in enumerate(result.model.elements)}
     first = result.samples.first_of(len(names))
     for opening in openings:
@@ -125,9 +131,28 @@ def _face(result: VerificationResult, rows: Rows) -> Face | None:
         return None
     if min(np.ptp((points - plane.centroid) @ plane.axes.T, axis=0)) < LEAST_SPAN_M or abs(plane.normal @ normal) < 0.9:
         return None
-    plane, _ = with_unevenness(plane, points)
+    plane, bumps = with_unevenness(plane, points)
     plane = plane.facing(plane.centroid + normal)
-    return Face(int(samples.element[rows[0]]), normal, place.mean(axis=0), plane, points, sigma)
+    return Face(int(samples.element[rows[0]]), normal, place.mean(axis=0), plane, points, sigma, bumps)
+
+
+def _bounded(space: Region, faces: list[Face], names: Sequence[str], origin: Array, registration: float) -> Room:
+    walls = [_bound(f, names) for f in faces if abs(f.normal[2]) < UPRIGHT]
+    floor, ceiling = (_level_bound([f for f in faces if side * f.normal[2] > LEVEL_COS], names) for side in (1.0, -1.0))
+    return Room(space.name, space.global_id, space.outline, walls, floor, ceiling, origin, registration)
+
+
+def _level_bound(faces: list[Face], names: Sequence[str]) -> Bound | None:
+    return _bound(max(faces, key=lambda f: len(f.points)), names) if faces else None
+
+
+def _bound(face: Face, names: Sequence[str]) -> Bound:
+    ends = None
+    if abs(face.normal[2]) < UPRIGHT:
+        level = np.array([-face.normal[1], face.normal[0]])
+        along = face.points[:, :2] @ level
+        ends = (face.points[int(along.argmin()), :2], face.points[int(along.argmax()), :2])
+    return Bound(names[face.element], face.plane, face.unevenness, ends, (face.normal, face.place))
 
 
 def _room(space: Region, faces: list[Face], names: Sequence[str], shared: float) -> Iterator[Dimension]:

@@ -22,14 +22,14 @@ NUMERIC = frozenset({3, 4, 5, 6, 7})
 
 @dataclass(frozen=True)
 class Dimension:
-    """A clear width or height, or a test of DIN 18202 as an offset. Metres."""
+    """Something measured in a room or an opening, or a test of DIN 18202 as an offset. Metres."""
 
     where: str
     """Name of the room or the opening."""
     global_id: str
     """Of the space or the opening; empty where there is none."""
     what: str
-    """width, height, or the name of a test."""
+    """width, height, ``vertex x``, ``edge length``, ... or the name of a test. Leans and slopes are metres over one metre."""
     between: tuple[str, ...]
     """The elements whose faces were used."""
     planned: float | None
@@ -43,15 +43,26 @@ class Dimension:
     p_limit: float | None = None
     """Of keeping the limit."""
     exceeds: bool | None = None
+    keeps: bool | None = None
+    """At 95 %; where it is neither shown to exceed the limit nor to keep it, the question is open."""
+    covariance: tuple[float, ...] | None = None
+    """Of a vertex: of this coordinate with x, y and z [m2]."""
+
+
+def measured(
+    where: str, global_id: str, what: str, between: tuple[str, ...], found: Estimate, planned: float | None = None,
+    loa: str | None = None,
+) -> Dimension:
+    """A row for a number with its standard deviation, and with what was planned where that is known."""
+    p = None if planned is None else found.p_value(planned)
+    return Dimension(where, global_id, what, between, planned, found.value, found.sigma, found.interval, loa, p)
 
 
 def width(
     where: str, global_id: str, what: str, between: tuple[str, ...], found: Estimate, planned: float | None = None
 ) -> Dimension:
     """A row for a clear distance."""
-    p = None if planned is None else found.p_value(planned)
-    level = level_of_accuracy(found.sigma)
-    return Dimension(where, global_id, what, between, planned, found.value, found.sigma, found.interval, level, p)
+    return measured(where, global_id, what, between, found, planned, level_of_accuracy(found.sigma))
 
 
 def conformity(where: str, global_id: str, between: tuple[str, ...], test: Conformity) -> Dimension:
@@ -59,7 +70,7 @@ def conformity(where: str, global_id: str, between: tuple[str, ...], test: Confo
     interval = Estimate(test.value, test.sigma).interval
     return Dimension(
         where, global_id, test.name, between, None, test.value, test.sigma, interval, None, test.p_value, test.limit,
-        test.p_limit, test.exceeds,
+        test.p_limit, test.exceeds, test.keeps,
     )
 
 
@@ -86,7 +97,7 @@ def shown(rows: Sequence[Dimension]) -> list[tuple[str, ...]]:
     return [
         (r.where, r.what, ", ".join(r.between), _mm(r.planned, 1), _mm(r.value, 1), f"{1960 * r.sigma:.1f}",
          _share(r.p_value, 3), _mm(r.limit, 0),
-         r.loa or ("exceeded" if r.exceeds else "kept"))
+         r.loa or ("" if r.exceeds is None else "exceeded" if r.exceeds else "kept" if r.keeps else "open"))
         for r in rows
     ]  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -14,6 +15,11 @@ from .fit import Plane
 
 Array = NDArray[np.float64]
 
+UPRIGHT = np.sin(np.radians(5.0))
+Z90 = float(norm.ppf(0.95))
+LEAST_IN_CELL = 5
+STEADY = 10.0
+"""Returns that the scatter of all cells weighs as many as."""
 ANGLE_LIMITS_MM = ((0.5, 3.0), (1.0, 6.0), (3.0, 8.0), (6.0, 12.0), (15.0, 16.0), (30.0, 20.0), (np.inf, 30.0))
 """DIN 18202:2013 table 2: up to that length [m], this offset [mm] from plumb, level or a right angle."""
 FLATNESS_LIMITS_MM: Mapping[str, tuple[tuple[float, float], ...]] = {
@@ -45,6 +51,11 @@ class Conformity:
         """It breaks the limit, at 95 %."""
         return self.p_limit < 0.05
 
+    @property
+    def keeps(self) -> bool:
+        """It keeps the limit, at 95 %. Where neither holds, the question is open."""
+        return bool(not self.exceeds and abs(self.value) + Z90 * self.sigma < self.limit)
+
 
 def angle_limit(length: float) -> float:
     """Largest offset [m] allowed over ``length`` [m]."""
@@ -64,8 +75,20 @@ def orthogonality(first: Plane, second: Plane, length: float) -> Conformity:
 
 
 def parallelism(first: Plane, second: Plane, length: float) -> Conformity:
-    """Two planes against being parallel: two turns at once, so the test is a chi-square one with two degrees."""
+    """Two planes against being parallel, as an offset [m] over ``length`` [m].
+
+    Of upright planes in plan only: how they lean is ``plumb``'s. Of others two turns count at once, so the test is a
+    chi-square one with two degrees.
+    """
     other = second.normal if first.normal @ second.normal > 0 else -second.normal
+    limit = angle_limit(length)
+    if max(abs(first.normal[2]), abs(second.normal[2])) < UPRIGHT:
+        level = np.array([-first.normal[1], first.normal[0], 0.0])
+        level /= np.linalg.norm(level)
+        turns = [p.axes @ level for p in (first, second)]
+        variance = sum(float(t @ p.covariance[:2, :2] @ t) for t, p in zip(turns, (first, second), strict=True))
+        offset = abs(float(level @ (other - first.normal))) * length
+        return _offset("parallelism", offset, math.sqrt(variance) * length, limit)
     turn = first.axes @ (other - first.normal)
     across = first.axes @ second.axes.T
     covariance = first.covariance[:2, :2] + across @ second.covariance[:2, :2] @ across.T
@@ -73,9 +96,7 @@ def parallelism(first: Plane, second: Plane, length: float) -> Conformity:
     p = float(chi2.sf(turn @ np.linalg.solve(covariance, turn), 2))
     unit = turn / max(size, 1e-15)
     sigma = float(np.sqrt(unit @ covariance @ unit)) * length
-    limit = angle_limit(length)
-    p_limit = float(norm.cdf((limit - size * length) / max(sigma, 1e-15)))
-    return Conformity("parallelism", size * length, sigma, p, limit, p_limit)
+    return Conformity("parallelism", size * length, sigma, p, limit, _keeps(size * length, sigma, limit))
 
 
 def flatness(
@@ -96,9 +117,13 @@ def flatness(
     with np.errstate(invalid="ignore", divide="ignore"):
         height = np.bincount(flat, off, shape[0] * shape[1]).reshape(shape) / count
         square = np.bincount(flat, off**2, shape[0] * shape[1]).reshape(shape) / count
-    enough = count >= 5
+    enough = count >= LEAST_IN_CELL
     inner = np.maximum(square - height**2, 0.0)[enough]
     within = float(np.sqrt((inner * count[enough]).sum() / (count[enough] - 1).sum())) if enough.any() else 0.0
+    # noise differs over a face with the incidence: a cell's own scatter counts where it is larger than that of all
+    with np.errstate(invalid="ignore", divide="ignore"):
+        spread = np.maximum(square - height**2, 0.0) * count + STEADY * within**2
+        variance = np.maximum(spread / (np.maximum(count - 1, 0) + STEADY), within**2) / count
     out = []
     for distance, limit in FLATNESS_LIMITS_MM[kind]:
         step = round(distance / cell / 2)
@@ -108,12 +133,11 @@ def flatness(
         for axis in (0, 1):
             if shape[axis] <= 2 * step:
                 continue
-            h, n, good = (np.moveaxis(a, axis, 0) for a in (height, count, enough))
+            h, v, good = (np.moveaxis(a, axis, 0) for a in (height, variance, enough))
             ok = good[: -2 * step] & good[step:-step] & good[2 * step :]
             gap = h[step:-step] - 0.5 * (h[: -2 * step] + h[2 * step :])
-            with np.errstate(divide="ignore"):
-                spread = 1.0 / n[step:-step] + 0.25 / n[: -2 * step] + 0.25 / n[2 * step :]
-                sigma = np.sqrt(within**2 * spread + 1.5 * shared_sigma**2)
+            own = v[step:-step] + 0.25 * (v[: -2 * step] + v[2 * step :])
+            sigma = np.sqrt(own + 1.5 * shared_sigma**2)
             gaps.append(np.abs(gap[ok]))
             sigmas.append(sigma[ok])
         if not gaps or not sum(len(g) for g in gaps):
@@ -129,5 +153,10 @@ def flatness(
 
 def _offset(name: str, offset: float, sigma: float, limit: float) -> Conformity:
     sigma = max(sigma, 1e-15)
-    p_limit = float(norm.cdf((limit - offset) / sigma) - norm.cdf((-limit - offset) / sigma))
-    return Conformity(name, offset, sigma, float(2 * norm.sf(abs(offset) / sigma)), limit, p_limit)
+    return Conformity(name, offset, sigma, float(2 * norm.sf(abs(offset) / sigma)), limit, _keeps(offset, sigma, limit))
+
+
+def _keeps(offset: float, sigma: float, limit: float) -> float:
+    """How likely so large an offset is where the limit is just kept."""
+    sigma = max(sigma, 1e-15)
+    return float(norm.sf((abs(offset) - limit) / sigma) + norm.sf((abs(offset) + limit) / sigma))

@@ -70,6 +70,14 @@ class Edge:
         """Inclination to the level plane, rad."""
         return _slope(self.direction, self.covariance)
 
+    @property
+    def lean(self) -> tuple[Estimate, Estimate]:
+        """Of an edge that goes up: how far it leans towards x and y over one metre of height [m]."""
+        x, y, z = self.direction
+        rows = np.array([[1.0 / z, 0.0, -x / z**2], [0.0, 1.0 / z, -y / z**2]])
+        sigma = np.sqrt(np.maximum(np.diag(rows @ self.covariance @ rows.T), 0.0))
+        return Estimate(float(x / z), float(sigma[0])), Estimate(float(y / z), float(sigma[1]))
+
 
 def intersect_three(first: Plane, second: Plane, third: Plane) -> Vertex:
     """The vertex of three planes. Raises BimVerifyError when they do not meet in one place."""
@@ -110,6 +118,14 @@ def plane_slope(plane: Plane) -> Estimate:
     return Estimate(level - abs(normal.value), normal.sigma)
 
 
+def rise(plane: Plane) -> tuple[Estimate, Estimate]:
+    """Of a plane that is not upright: how far it rises over one metre along x and along y [m]."""
+    x, y, z = plane.normal
+    rows = np.array([[-1.0 / z, 0.0, x / z**2], [0.0, -1.0 / z, y / z**2]])
+    sigma = np.sqrt(np.maximum(np.diag(rows @ _normal_covariance(plane) @ rows.T), 0.0))
+    return Estimate(float(-x / z), float(sigma[0])), Estimate(float(-y / z), float(sigma[1]))
+
+
 def plumb_deviation(plane: Plane) -> Estimate:
     """How far a wall leans, rad: positive when its normal points up."""
     return _slope(plane.normal, _normal_covariance(plane), absolute=False)
@@ -141,12 +157,20 @@ def distance_between(first: Plane, second: Plane, place: Array | None = None) ->
     return Estimate(abs(t2 - t1), float(np.hypot(s1, s2)))
 
 
-def length_between(first: Vertex, second: Vertex) -> Estimate:
-    """Distance [m] of two vertices whose errors are taken as independent."""
-    step = second.position - first.position
-    length = float(np.linalg.norm(step))
-    unit = step / max(length, 1e-12)
-    return Estimate(length, float(np.sqrt(unit @ (first.covariance + second.covariance) @ unit)))
+def edge_length(first: Plane, second: Plane, start: Plane, end: Plane) -> Estimate:
+    """Length [m] of the edge of two planes between two others; that both its ends lie on the first two is counted.
+
+    Raises BimVerifyError when it does not end on them.
+    """
+    here, there = (intersect_three(first, second, p).position for p in (start, end))
+    length = float(np.linalg.norm(there - here))
+    unit = (there - here) / max(length, 1e-12)
+    at_start, at_end = (unit @ np.linalg.inv(np.stack([first.normal, second.normal, p.normal])) for p in (start, end))
+    variance = (at_start[2] * float(start.sigma_at(here)[0])) ** 2 + (at_end[2] * float(end.sigma_at(there)[0])) ** 2
+    for k, plane in enumerate((first, second)):
+        change = at_end[k] * plane.shift_row(there)[0] - at_start[k] * plane.shift_row(here)[0]
+        variance += float(change @ plane.covariance @ change)
+    return Estimate(length, float(np.sqrt(variance)))
 
 
 def level_of_accuracy(sigma: float) -> str:

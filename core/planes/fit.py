@@ -64,10 +64,14 @@ class Plane:
 
     def sigma_at(self, points: Array) -> Array:
         """(N,) standard deviation [m] of the plane along its normal at (N, 3) places."""
+        row = self.shift_row(points)
+        return np.asarray(np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", row, self.covariance, row), 0.0)))
+
+    def shift_row(self, points: Array) -> Array:
+        """(N, 3) how far the plane moves along its normal at (N, 3) places when its turns and its shift change by one."""
         q = np.atleast_2d(points) - self.centroid
         # a turn towards e lowers the plane along -(e . q)
-        row = np.column_stack([-(q @ self.axes.T), np.ones(len(q))])
-        return np.asarray(np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", row, self.covariance, row), 0.0)))
+        return np.column_stack([-(q @ self.axes.T), np.ones(len(q))])
 
     def distance(self, points: Array) -> Array:
         """(N,) signed distance [m] of (N, 3) points."""

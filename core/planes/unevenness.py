@@ -44,6 +44,8 @@ class Unevenness:
     white_sigma: float
     """Independent part of one return along the normal [m], from the scatter within cells."""
     cells: int
+    sigma_spread: float = 0.0
+    """Standard deviation of ``sigma`` as far as the residuals leave it open [m]."""
 
 
 @dataclass(frozen=True)
@@ -117,9 +119,9 @@ def with_unevenness(plane: Plane, points: Array) -> tuple[Plane, Unevenness | No
     predicted = plane.residual_sigma**2 / max(plane.variance_factor, 1e-12)
     white = plane.covariance * (cells.within / max(predicted, 1e-18))
     row, column = np.unravel_index(np.argmax(likely), likely.shape)
-    found = Unevenness(
-        float(np.sqrt(variances[column])), float(lengths[row]), float(np.sqrt(cells.within)), len(cells.mean)
-    )
+    sigmas, weight = np.sqrt(variances), likely.sum(axis=0)
+    spread = float(np.sqrt(np.maximum(weight @ sigmas**2 - (weight @ sigmas) ** 2, 0.0)))
+    found = Unevenness(float(sigmas[column]), float(lengths[row]), float(np.sqrt(cells.within)), len(cells.mean), spread)
     return plane.replaced(covariance=white + smooth), found
 
 

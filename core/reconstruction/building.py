@@ -10,6 +10,7 @@ from shapely import Polygon
 
 from ..planes.conformity import Conformity
 from ..planes.fit import Plane
+from ..planes.unevenness import Unevenness
 from .joins import Join
 from .openings import Opening
 
@@ -34,6 +35,17 @@ class FitRecord:
 
 
 @dataclass(frozen=True)
+class FittedFace:
+    """A face of a wall, a floor or a ceiling as it was measured."""
+
+    plane: Plane
+    """Its normal turned to those who saw it."""
+    unevenness: Unevenness | None = None
+    flatness: tuple[Conformity, ...] = ()
+    """Tests for the distances of the measuring points that fit on it."""
+
+
+@dataclass(frozen=True)
 class BuiltWall:
     """A wall with parallel faces."""
 
@@ -48,15 +60,13 @@ class BuiltWall:
     """Places along the axis from ``start``."""
     joins: tuple[Join | None, Join | None]
     rooms: tuple[int, ...]
-    external: bool
+    external: bool | None
+    """Its other side is the outside; None where nothing tells what is there."""
     fit: FitRecord
     lean: float = 0.0
     """Of its faces from the vertical, rad."""
     lean_sigma: float = 0.0
-    planes: tuple[Plane, ...] = ()
-    """Its fitted faces, normals turned to those who saw them."""
-    flatness: tuple[tuple[Conformity, ...], ...] = ()
-    """Tests of each of these faces, for the distances of the measuring points that fit on it."""
+    faces: tuple[FittedFace, ...] = ()
 
     @property
     def length(self) -> float:
@@ -99,8 +109,8 @@ class BuiltRoom:
     outline: Polygon
     floor: float
     ceiling: float
-    corner_sigma: float | None
-    """Median standard deviation of its corners in plan, metres."""
+    floor_face: FittedFace | None = None
+    ceiling_face: FittedFace | None = None
 
 
 @dataclass(frozen=True)

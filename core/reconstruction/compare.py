@@ -1,4 +1,4 @@
-"""A reconstruction against a reference model: matches per class, differences, and a quality with fixed normalisation.
+"""A model against a reference, mostly a reconstruction: matches per class, differences, and a quality with fixed normalisation.
 
 After Thomson and Boehm 2015: the mean of the normalised distance of middles in plan, area |length difference| x |width
 difference|, and sine of the angle. They normalise by the largest value of a run, so two runs cannot be compared; here the
@@ -59,6 +59,14 @@ class Match:
     def seen_edge(self) -> float:
         """Largest difference of an edge that the reconstruction says it saw, metres; 0 if it saw none."""
         return max((abs(e) for e, name in zip(self.edges, SIDES, strict=True) if name not in self.found.hidden), default=0.0)
+
+    @property
+    def edges_in_sigmas(self) -> list[tuple[bool, float]]:
+        """For each edge whose standard deviation is known: whether it was seen, and its difference over that."""
+        return [
+            (name not in self.found.hidden, e / max(sigma, 1e-9))
+            for e, name, sigma in zip(self.edges, SIDES, self.found.edge_sigma, strict=False)
+        ]
 
     @property
     def quality(self) -> float:
@@ -188,6 +196,7 @@ def comparison_to_json(result: Comparison) -> dict[str, Any]:
     """Plain values, metres and degrees."""
     return {
         "quality": result.quality,
+        "limits": {"middle_m": MIDDLE_LIMIT_M, "area_m2": AREA_LIMIT_M2},
         "classes": {
             kind: {
                 "found": c.found, "reference": c.reference, "matched": len(c.matches), "precision": c.precision,

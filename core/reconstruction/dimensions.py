@@ -1,4 +1,4 @@
-"""As-built dimensions of rooms, and their walls against plumb, square, parallel and flat (DIN 18202), from the fitted faces."""
+"""As-built dimensions of rooms and openings, and faces against plumb, square, parallel and flat (DIN 18202)."""
 
 from __future__ import annotations
 
@@ -8,16 +8,21 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from shapely import Point
 
+from ..dimensions.corners import Bound, Room, corner_rows
 from ..dimensions.table import Dimension, conformity, width
 from ..planes.conformity import Conformity, orthogonality, parallelism, plumb
 from ..planes.derived import Estimate, distance_between, level_of_accuracy
 from ..planes.fit import Plane
 from .building import BuiltRoom, BuiltStorey, Reconstruction
 
+Array = NDArray[np.float64]
+
 ON_FACE_M = 0.03
 """A side of a room this close to a face is the face's."""
+LEAST_OVERLAP_M = 0.02
 PARALLEL_COS = np.cos(np.radians(5.0))
 SQUARE_COS = np.sin(np.radians(5.0))
 
@@ -41,6 +46,8 @@ class RoomDimensions:
     """What was measured in one room."""
 
     widths: tuple[RoomWidth, ...]
+    height: Estimate | None
+    """From floor to ceiling in the room's middle [m]; None where one of them was not seen."""
     tests: tuple[tuple[tuple[int, ...], Conformity], ...]
     """Rows of the walls concerned, and the test."""
 
@@ -50,55 +57,106 @@ def room_dimensions(storey: BuiltStorey, room: BuiltRoom) -> RoomDimensions:
     height = room.ceiling - room.floor
     middle = np.array([*room.outline.representative_point().coords[0], 0.5 * (room.floor + room.ceiling)])
     faces = [
-        (k, plane, length)
-        for k, wall in enumerate(storey.walls) for plane in wall.planes
-        if (length := _length_in(room, plane)) > 0.0
+        (k, plane, sides)
+        for k, wall in enumerate(storey.walls) for plane in (f.plane for f in wall.faces)
+        if len(sides := _sides_on(room, plane))
     ]  # fmt: skip
     widths: list[RoomWidth] = []
     tests: list[tuple[tuple[int, ...], Conformity]] = [((k,), plumb(plane, height)) for k, plane, _ in faces]
     tests += [
-        ((k,), test) for k, wall in enumerate(storey.walls) for plane, own in zip(wall.planes, wall.flatness, strict=False)
-        if _length_in(room, plane) > 0.0 for test in own
+        ((k,), test) for k, wall in enumerate(storey.walls) for face in wall.faces
+        if len(_sides_on(room, face.plane)) for test in face.flatness
     ]  # fmt: skip
-    for i, (a, first, first_length) in enumerate(faces):
-        for b, second, second_length in faces[i + 1 :]:
+    for i, (a, first, first_sides) in enumerate(faces):
+        for b, second, second_sides in faces[i + 1 :]:
             cosine = float(first.normal @ second.normal)
-            length = min(first_length, second_length)
+            length = min(_length(first_sides), _length(second_sides))
             if cosine < -PARALLEL_COS:
-                widths.append(RoomWidth((a, b), distance_between(first, second, middle)))
-                tests.append(((a, b), parallelism(first, second, length)))
+                between = _between(first, first_sides, second, second_sides)
+                if between is not None:
+                    at = np.array([*between, middle[2]])
+                    widths.append(RoomWidth((a, b), distance_between(first, second, at)))
+                    tests.append(((a, b), parallelism(first, second, length)))
             elif abs(cosine) < SQUARE_COS:
                 tests.append(((a, b), orthogonality(first, second, length)))
-    return RoomDimensions(tuple(widths), tuple(tests))
+    bottom, top = room.floor_face, room.ceiling_face
+    clear = distance_between(bottom.plane, top.plane, middle) if bottom and top else None
+    return RoomDimensions(tuple(widths), clear, tuple(tests))
 
 
 def dimension_rows(result: Reconstruction) -> list[Dimension]:
-    """All rooms of a reconstruction as rows of a table; walls are named by their number in their storey."""
-    rows = []
-    for storey in result.storeys:
-        for number, room in enumerate(storey.rooms, start=1):
-            where, found = f"{storey.name}, room {number}", room_dimensions(storey, room)
-            rows += [width(where, "", "width", _walls(w.walls), w.distance) for w in found.widths]
-            rows += [conformity(where, "", _walls(walls), test) for walls, test in found.tests]
+    """All rooms and openings of a reconstruction as rows of a table, metres, frame of the scans.
+
+    Walls are named by their number in their storey.
+    """
+    return [row for storey in result.storeys for row in storey_rows(storey, result.origin)]
+
+
+def storey_rows(storey: BuiltStorey, origin: Array) -> list[Dimension]:
+    """The same of one storey."""
+    rows: list[Dimension] = []
+    for number, room in enumerate(storey.rooms, start=1):
+        where, found = f"{storey.name}, room {number}", room_dimensions(storey, room)
+        rows += [width(where, "", "width", _walls(w.walls), w.distance) for w in found.widths]
+        if found.height is not None:
+            rows.append(width(where, "", "height", ("floor", "ceiling"), found.height))
+        rows += [conformity(where, "", _walls(walls), test) for walls, test in found.tests]
+        for name, face in (("floor", room.floor_face), ("ceiling", room.ceiling_face)):
+            rows += [conformity(where, "", (name,), test) for test in (face.flatness if face else ())]
+        rows += corner_rows(_bounded(where, storey, room, origin))
+    for k, wall in enumerate(storey.walls, start=1):
+        for number, o in enumerate(wall.openings, start=1):
+            where, (start, end, sill, head) = f"{storey.name}, wall {k}, {o.kind} {number}", o.edge_sigma
+            rows.append(width(where, "", "width", (f"wall {k}",), Estimate(o.width, float(np.hypot(start, end)))))
+            rows.append(width(where, "", "height", (f"wall {k}",), Estimate(o.height, float(np.hypot(sill, head)))))
     return rows
+
+
+def _bounded(where: str, storey: BuiltStorey, room: BuiltRoom, origin: Array) -> Room:
+    walls = [
+        Bound(f"wall {k}", face.plane, face.unevenness, (wall.start, wall.end))
+        for k, wall in enumerate(storey.walls, start=1) for face in wall.faces
+    ]  # fmt: skip
+    floor, ceiling = (
+        None if face is None else Bound(name, face.plane, face.unevenness)
+        for name, face in (("floor", room.floor_face), ("ceiling", room.ceiling_face))
+    )
+    return Room(where, "", room.outline, walls, floor, ceiling, origin)
 
 
 def _walls(rows: Sequence[int]) -> tuple[str, ...]:
     return tuple(f"wall {k + 1}" for k in rows)
 
 
-def _length_in(room: BuiltRoom, plane: Plane) -> float:
-    """Length [m] of the room's outline that lies on the face, which looks into the room."""
-    ring = np.array(room.outline.exterior.coords)
-    total = 0.0
-    for start, end in pairwise(ring):
+def _sides_on(room: BuiltRoom, plane: Plane) -> Array:
+    """(K, 2, 2) ends of the sides of the room's outline that lie on the face, which looks into the room [m]."""
+    sides = []
+    for start, end in pairwise(np.array(room.outline.exterior.coords)):
         ends = np.column_stack([np.stack([start, end]), np.full(2, plane.centroid[2])])
-        if np.abs(plane.distance(ends)).max() > ON_FACE_M:
-            continue
         before = 0.5 * (start + end) + 2 * ON_FACE_M * plane.normal[:2]
-        if room.outline.contains(Point(*before)):
-            total += float(np.linalg.norm(end - start))
-    return total
+        if np.abs(plane.distance(ends)).max() <= ON_FACE_M and room.outline.contains(Point(*before)):
+            sides.append((start, end))
+    return np.array(sides).reshape(-1, 2, 2)
+
+
+def _length(sides: Array) -> float:
+    return float(np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1).sum())
+
+
+def _between(first: Plane, first_sides: Array, second: Plane, second_sides: Array) -> Array | None:
+    """(2,) the middle of where two faces look at each other, at the longest such stretch; None where they do not."""
+    along = np.array([-first.normal[1], first.normal[0]])
+    best, most = None, LEAST_OVERLAP_M
+    for a in first_sides:
+        for b in second_sides:
+            if (b - a[0]).mean(axis=0) @ first.normal[:2] <= 0.0 or (a - b[0]).mean(axis=0) @ second.normal[:2] <= 0.0:
+                continue
+            low = max((a @ along).min(), (b @ along).min())
+            high = min((a @ along).max(), (b @ along).max())
+            if high - low > most:
+                across = 0.5 * float((a.mean(axis=0) + b.mean(axis=0)) @ first.normal[:2])
+                best, most = 0.5 * (low + high) * along + across * first.normal[:2], high - low
+    return best
 
 
 def dimensions_to_json(found: RoomDimensions) -> dict[str, Any]:
@@ -109,6 +167,10 @@ def dimensions_to_json(found: RoomDimensions) -> dict[str, Any]:
              "interval_95": list(w.distance.interval), "loa": w.level}
             for w in found.widths
         ],
+        "height": None if found.height is None else {
+            "height": found.height.value, "sigma": found.height.sigma, "interval_95": list(found.height.interval),
+            "loa": level_of_accuracy(found.height.sigma),
+        },
         "tests": [
             {"test": t.name, "walls": _numbers(walls), "offset": t.value, "sigma": t.sigma, "p_value": t.p_value,
              "limit": t.limit, "p_limit": t.p_limit, "exceeds": t.exceeds}

@@ -25,8 +25,9 @@ SEEN_CELLS = 3.0
 WITHIN_CELLS = 1.5
 """A face may reach so far beyond the line of cells at which its hole was found to begin."""
 LEAST_STRIPS = 3
-BEAM_M = 0.002
-"""Neighbouring strips share the width of the beam and the grid of the scanner; that much of an edge's error stays."""
+BEAM_M = 0.004
+"""Radius of a beam's footprint: a beam that straddles an edge may still return from the face, so all strips see a hole too
+narrow by up to that, and that much of an edge's error stays."""
 REVEAL_BIN_M = 0.01
 LEAST_REVEAL_RETURNS = 30
 REVEAL_SPAN_M = (0.03, 0.2)
@@ -120,8 +121,11 @@ def seen_edge(
     middle = 0.5 * (last_solid[both] + first_open[both])
     place = float(np.median(middle))
     scatter = 1.4826 * float(np.median(np.abs(middle - place)))
-    spread = float(np.hypot(scatter, np.mean(np.abs(gap[both])) / np.sqrt(12.0)))
-    return EdgePlace(side * place, float(np.hypot(spread / np.sqrt(both.sum()), BEAM_M)), True)
+    # within its gap the edge may be anywhere. Where the grid of rays lies alike in all strips, they share that error and
+    # their middles agree; what they share is not averaged away
+    alone = scatter**2
+    shared = max(float(np.mean(gap[both])) ** 2 / 12.0 - alone, 0.0)
+    return EdgePlace(side * place, float(np.sqrt(shared + alone / both.sum() + BEAM_M**2)), True)
 
 
 def reveal_edge(

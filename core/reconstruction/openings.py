@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -45,6 +45,8 @@ SAME_HOLE = 0.3
 """Of two openings that share this much of both sides of the smaller one, the larger one stays."""
 LEAST_SEEN_M = 0.14
 """So much of a hole must be seen; what hides the rest must leave room for LEAST_SIDE_M."""
+AROUND_M = 0.4
+"""So far around a hole the wall tells how many rays were shot."""
 FLOOR_SIGMA_M = 0.005
 """Of the height at which an opening without a sill ends: that of the floor beside it."""
 
@@ -66,6 +68,8 @@ class Opening:
     """Standard deviations of u0, u1, z0, z1 [m]."""
     hidden: tuple[str, ...] = ()
     """Edges that were not seen (names of ``opening_edges.SIDES``): they lie between what was."""
+    lost: float = 0.0
+    """Share of the rays into it that sent nothing back, 0..1: as many as on the wall around it are taken to have been shot."""
 
     @property
     def width(self) -> float:
@@ -151,8 +155,22 @@ def find_openings(
             continue
         opening = _refined(raster, sides, rectangle, floor, thickness, band, open_cells / known)
         if opening is not None:
-            out.append(opening)
+            out.append(replace(opening, lost=_lost_share(raster, sides, opening)))
     return _apart(out)
+
+
+def _lost_share(raster: FaceRaster, sides: list[Crossings], opening: Opening) -> float:
+    shape, cell = raster.state.shape, raster.cell
+    reach = [[raster.u0, raster.u0 + shape[0] * cell], [raster.z0, raster.z0 + shape[1] * cell]]
+    rays = np.sum([np.histogram2d(s.u, s.z, shape, reach)[0] for s in sides], axis=0)
+    u, z = (low + cell * (np.arange(n) + 0.5) for (low, _), n in zip(reach, shape, strict=True))
+    beyond = np.maximum(
+        np.maximum(opening.u0 - u, u - opening.u1)[:, None], np.maximum(opening.z0 - z, z - opening.z1)[None]
+    )
+    inside, around = beyond < -cell, (beyond > cell) & (beyond < AROUND_M) & (raster.state == SOLID)
+    if not inside.any() or not np.any(rays[around]):
+        return 0.0
+    return float(np.clip(1.0 - rays[inside].mean() / rays[around].mean(), 0.0, 1.0))
 
 
 def _rectangles(raster: FaceRaster, hole: NDArray[np.bool_]) -> list[Rectangle]:

@@ -10,10 +10,12 @@ from markupsafe import Markup, escape
 from numpy.typing import NDArray
 from shapely import Polygon
 
+from ..dimensions.table import COLUMNS, NUMERIC, shown
 from ..report.plain_page import Section, millimetres, percent, write_page
 from .building import ASSUMED, BuiltStorey, Reconstruction
 from .compare import Comparison
-from .dimensions import room_dimensions
+from .compare_report import comparison_sections
+from .dimensions import storey_rows
 from .summary import summary_lines
 
 WIDTH = 760
@@ -47,51 +49,22 @@ def write_reconstruction_report(folder: str | Path, result: Reconstruction, comp
             ],
             numeric=frozenset({1, 2, 3, 4}),
         ))  # fmt: skip
-        sections.append(_dimensions(storey))
+        sections.append(_dimensions(storey, result.origin))
     if comparison is not None:
-        sections.insert(0, Section(
-            "Against the reference", f"Quality {comparison.quality:.3f}: 0 is equal, what has no partner counts 1.",
-            columns=(
-                "Class", "Reference", "Found", "Matched", "Precision", "Recall", "F1", "Axis max mm", "Width max mm",
-                "Edge max mm, seen", "Edge max mm, all",
-            ),
-            rows=[
-                (kind, str(c.reference), str(c.found), str(len(c.matches)), f"{c.precision:.3f}", f"{c.recall:.3f}",
-                 f"{c.f1:.3f}", *(millimetres(c.largest(w)) for w in ("axis", "width", "seen_edge", "edge")))
-                for kind, c in comparison.classes.items()
-            ],
-            numeric=frozenset(range(1, 11)),
-        ))
+        sections = comparison_sections(comparison) + sections
     lines = summary_lines(result)
     meta = [("Scans", ", ".join(Path(p).name for p in result.scan_paths)), ("Notes", " ".join(lines[1:]))]
     return write_page(folder, "Reconstruction", "Scan to building model", lines[0], meta, sections)
 
 
-def _dimensions(storey: BuiltStorey) -> Section:
-    rows = []
-    for number, room in enumerate(storey.rooms, start=1):
-        found = room_dimensions(storey, room)
-        rows += [
-            (f"Room {number}", "width", _walls(w.walls), f"{w.distance.value:.4f} m", f"{1960 * w.distance.sigma:.1f}", "", "",
-             w.level)
-            for w in found.widths
-        ]
-        rows += [
-            (f"Room {number}", t.name, _walls(walls), f"{1000 * t.value:.1f} mm", f"{1960 * t.sigma:.1f}", f"{t.p_value:.3f}",
-             f"{1000 * t.limit:.0f}", "exceeded" if t.exceeds else "kept")
-            for walls, t in found.tests
-        ]
+def _dimensions(storey: BuiltStorey, origin: NDArray[np.float64]) -> Section:
     return Section(
-        f"{storey.name}: dimensions of rooms",
-        "As built, at 95 %. Plumb, right angles and parallels are offsets over the height or the shorter wall; p is that of no "
-        "deviation at all, the limit that of DIN 18202.",
-        columns=("Room", "What", "Walls", "Value", "± mm", "p", "Limit mm", "LOA, or limit"), rows=rows,
-        numeric=frozenset({3, 4, 5, 6}),
-    )  # fmt: skip
-
-
-def _walls(rows: tuple[int, ...]) -> str:
-    return ", ".join(str(k + 1) for k in rows)
+        f"{storey.name}: dimensions",
+        "As built, with the half-width of the 95 % interval. Plumb, right angles and parallels are offsets over the height or "
+        "the shorter wall, leans and slopes are over one metre; p is that of no deviation at all, the limit that of DIN 18202. "
+        "Unevenness is the standard deviation of what a surface deviates smoothly from its plane.",
+        columns=COLUMNS, rows=shown(storey_rows(storey, origin)), numeric=NUMERIC,
+    )
 
 
 def _caption(storey: BuiltStorey) -> str:

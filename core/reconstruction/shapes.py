@@ -22,6 +22,8 @@ UPRIGHT = 0.1
 PSET_NAME = "BimVerify_Reconstruction"
 HIDDEN_EDGES = "HiddenEdges"
 """Property of openings, doors and windows: names of the edges that were not seen."""
+EDGE_SIGMAS = ("StartEdgeSigma", "EndEdgeSigma", "SillSigma", "HeadSigma")
+"""Properties of the same: standard deviation of each edge, in the file's unit of length."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,8 @@ class Shape:
     """GlobalId of the wall that an opening is in."""
     hidden: tuple[str, ...] = ()
     """Edges that its reconstruction did not see: start, end, sill, head."""
+    edge_sigma: tuple[float, ...] = ()
+    """Standard deviation of each of these edges [m], where its reconstruction says so."""
 
     @property
     def across(self) -> Array:
@@ -56,9 +60,11 @@ def read_shapes(path: str | Path) -> dict[str, list[Shape]]:
 def shapes_of(file: Any, name: str = "") -> dict[str, list[Shape]]:
     """The same of an open file."""
     import ifcopenshell.geom
+    import ifcopenshell.util.unit
 
     settings = ifcopenshell.geom.settings()
     settings.set("use-world-coords", True)
+    metre = float(ifcopenshell.util.unit.calculate_unit_scale(file))
     out: dict[str, list[Shape]] = {}
     walls: dict[str, Shape] = {}
     for kind, classes in CLASSES.items():
@@ -82,7 +88,7 @@ def shapes_of(file: Any, name: str = "") -> dict[str, list[Shape]]:
             triangles = np.array(shape.geometry.faces, dtype=np.int64).reshape(-1, 3)
             if not len(triangles):
                 continue
-            found = _box(product, vertices, triangles, walls.get(host))
+            found = _box(product, vertices, triangles, walls.get(host), metre)
             out[kind].append(found)
             if kind == "walls":
                 walls[product.GlobalId] = found
@@ -91,7 +97,7 @@ def shapes_of(file: Any, name: str = "") -> dict[str, list[Shape]]:
     return out
 
 
-def _box(product: Any, vertices: Array, triangles: NDArray[np.int64], host: Shape | None) -> Shape:
+def _box(product: Any, vertices: Array, triangles: NDArray[np.int64], host: Shape | None, metre: float) -> Shape:
     corner = vertices[triangles]
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     area = np.linalg.norm(normal, axis=1) / 2
@@ -124,7 +130,7 @@ def _box(product: Any, vertices: Array, triangles: NDArray[np.int64], host: Shap
     z = used[:, 2]
     return Shape(
         product.GlobalId, product.Name or "", np.append(middle, 0.5 * (z.max() + z.min())), along, length, width,
-        float(np.ptp(z)), host.global_id if host else "", _hidden(product),
+        float(np.ptp(z)), host.global_id if host else "", *_edges(product, metre),
     )
 
 
@@ -135,8 +141,12 @@ def _axis(product: Any) -> Array:
     return np.asarray(ifcopenshell.util.placement.get_local_placement(product.ObjectPlacement)[:2, 0], dtype=np.float64)
 
 
-def _hidden(product: Any) -> tuple[str, ...]:
+def _edges(product: Any, metre: float) -> tuple[tuple[str, ...], tuple[float, ...]]:
+    """Names of the hidden edges, and the standard deviations of all [m]."""
     import ifcopenshell.util.element
 
-    text = ifcopenshell.util.element.get_pset(product, PSET_NAME, HIDDEN_EDGES)
-    return tuple(text.split(", ")) if isinstance(text, str) and text != "none" else ()
+    said = ifcopenshell.util.element.get_pset(product, PSET_NAME) or {}
+    text = said.get(HIDDEN_EDGES)
+    sigmas = tuple(float(said[name]) * metre for name in EDGE_SIGMAS if said.get(name) is not None)
+    hidden = tuple(text.split(", ")) if isinstance(text, str) and text != "none" else ()
+    return hidden, sigmas if len(sigmas) == len(EDGE_SIGMAS) else ()

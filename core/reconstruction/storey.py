@@ -6,19 +6,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from shapely import MultiPolygon, Polygon, union_all
+from shapely import MultiPolygon, Polygon, contains_xy, union_all
 
 from ..planes.cloud import Cloud
-from ..planes.conformity import Conformity, flatness
+from ..planes.conformity import flatness
 from ..planes.derived import Estimate, plumb_deviation
-from ..planes.fit import Plane, fit_plane
+from ..planes.fit import fit_plane
 from ..planes.noise import PointNoise
 from ..planes.surfels import Surfels
 from ..planes.unevenness import with_unevenness
 from ..progress import Progress
-from .building import ASSUMED, BuiltColumn, BuiltRoom, BuiltWall, FitRecord
+from .building import ASSUMED, BuiltColumn, BuiltRoom, BuiltWall, FitRecord, FittedFace
 from .columns import find_columns
 from .crossings import BAND_M, Crossings, cross
+from .face_points import EDGE_M, REACH_M, surface_returns
 from .faces import find_faces, upright_surfels
 from .joins import join_walls
 from .levels import Storey
@@ -26,17 +27,17 @@ from .openings import FaceRaster, Opening, face_raster, find_openings
 from .plan import make_plan
 from .rooms import Room, find_rooms
 from .thickness import Hint, hint, settle
-from .walls import WallLine, find_walls
+from .walls import SEEN_OUTSIDE, WallLine, find_walls
 
 Array = NDArray[np.float64]
 
 FIT_POINTS = 20_000
+LEAST_FIT = 30
 LEAST_SOLID = 0.12
 """A wall of which less is solid, where anything is known, is no wall: an opening of the whole width, a row of lamps."""
 NOISE_FACTOR = 4.0
-
-
-_Fitted = tuple[FitRecord, tuple[Plane, ...], tuple[tuple[Conformity, ...], ...]]
+LOST_SHARE = 0.2
+"""In a room behind a hole all rays come back but a few."""
 
 
 @dataclass
@@ -84,20 +85,20 @@ def reconstruct_storey(
     for w, j in zip(work, joined, strict=True):
         start_u = float(j.start @ w.line.along)
         openings = tuple(_moved(o, -start_u) for o in w.openings)
-        fit, planes, flat = _fit(cloud, w, band, noise)
-        lean = plumb_deviation(planes[0]) if planes else Estimate(0.0, 0.0)
-        external = all(p.right < 0 for p in w.line.pieces)
+        fit, fitted = _fit(cloud, w, band, noise)
+        lean = plumb_deviation(fitted[0].plane) if fitted else Estimate(0.0, 0.0)
+        external = is_external(w.line, openings, rooms, cloud.stations)
         walls.append(
             BuiltWall(j.start, j.end, w.line.thickness, j.footprint, w.base, w.top, openings, j.joins,
                       tuple(sorted(w.line.rooms)), external, fit, lean.value, lean.sigma,
-                      planes, flat)
+                      fitted)
         )
     columns = []
     for room in rooms:
         for shape in find_columns(room, upright):
             fit = FitRecord(shape.residual, shape.residual, shape.seen, noise.sigma_range, "MEASURED", 0)
             columns.append(BuiltColumn(shape.footprint, shape.radius, room.floor, room.ceiling, fit))
-    built_rooms = [BuiltRoom(_without(r, columns), r.floor, r.ceiling, None) for r in rooms]
+    built_rooms = [_built_room(cloud, r, columns, storey.has_ceiling, band, noise) for r in rooms]
     return StoreyParts(rooms, built_rooms, walls, columns)
 
 
@@ -106,6 +107,58 @@ def _without(room: Room, columns: list[BuiltColumn]) -> Polygon:
     own = [c.footprint for c in columns if outline.contains(c.footprint)]
     rest = outline.difference(union_all(own)) if own else outline
     return max(rest.geoms, key=lambda p: p.area) if isinstance(rest, MultiPolygon) else rest
+
+
+def is_external(line: WallLine, openings: tuple[Opening, ...], rooms: list[Room], stations: Array) -> bool | None:
+    """Whether the outside is behind a wall; None where nothing tells.
+
+    No with rooms on both sides. Yes where a station out of all rooms stands on its other side and that face was seen; or
+    where a window is in it from which many rays do not come back, as from the sky.
+    """
+    if any(p.right >= 0 for p in line.pieces):
+        return False
+    inner = union_all([r.outline for r in rooms])
+    seen_outside = any(p.right == SEEN_OUTSIDE for p in line.pieces) and any(
+        s[:2] @ line.normal < line.near - line.thickness and not contains_xy(inner, s[0], s[1]) for s in stations
+    )
+    lost = any(o.kind == "window" and o.lost > LOST_SHARE for o in openings)
+    return True if seen_outside or lost else None
+
+
+def _built_room(
+    cloud: Cloud, room: Room, columns: list[BuiltColumn], has_ceiling: bool, band: float, noise: PointNoise
+) -> BuiltRoom:
+    floor = _level_face(cloud, room, room.floor, 1.0, band, noise)
+    ceiling = _level_face(cloud, room, room.ceiling, -1.0, band, noise) if has_ceiling else None
+    return BuiltRoom(_without(room, columns), room.floor, room.ceiling, floor, ceiling)
+
+
+def _level_face(
+    cloud: Cloud, room: Room, level: float, up: float, band: float, noise: PointNoise
+) -> FittedFace | None:
+    """The floor (``up`` 1) or ceiling (-1) of a room, from the returns near its level."""
+    inner = room.outline.buffer(-EDGE_M)
+    x0, y0, x1, y1 = inner.bounds if not inner.is_empty else (0.0, 0.0, 0.0, 0.0)
+    x, y, z = cloud.points.T
+    rows = np.flatnonzero((np.abs(z - level) < REACH_M) & (x > x0) & (x < x1) & (y > y0) & (y < y1))
+    rows = rows[:: max(1, len(rows) // (4 * FIT_POINTS))]
+    rows = rows[contains_xy(inner, x[rows], y[rows])]
+    at, ends = np.column_stack([x[rows], y[rows]]), np.array(room.outline.bounds).reshape(2, 2)
+    rows = rows[surface_returns(at, z[rows] - level, band, ends, np.zeros((0, 2, 2)))]
+    if len(rows) < LEAST_FIT:
+        return None
+    kind = "finished floor" if up > 0 else "finished wall"
+    face = _fitted_face(cloud, rows, kind, noise)
+    return replace(face, plane=face.plane.facing(face.plane.centroid + np.array([0.0, 0.0, up])))
+
+
+def _fitted_face(cloud: Cloud, rows: NDArray[np.int64], kind: str, noise: PointNoise) -> FittedFace:
+    rows = rows[:: max(1, len(rows) // FIT_POINTS)]
+    points = cloud.points[rows].astype(np.float64)
+    plane = fit_plane(points, cloud.stations[cloud.station[rows]], noise)
+    plane, bumps = with_unevenness(plane, points)
+    tests = tuple(flatness(plane, points, kind))
+    return FittedFace(plane.facing(cloud.stations[cloud.station[rows[0]]]), bumps, tests)
 
 
 def _hint(work: _Work, band: float) -> Hint:
@@ -154,25 +207,23 @@ def _moved(o: Opening, by: float) -> Opening:
     return replace(o, u0=o.u0 + by, u1=o.u1 + by)
 
 
-def _fit(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> _Fitted:
-    planes: list[Plane] = []
-    flat: list[tuple[Conformity, ...]] = []
+def _fit(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> tuple[FitRecord, tuple[FittedFace, ...]]:
+    faces = []
     for side in work.sides:
-        rows = side.row[side.on_face(band)]
-        if len(rows) < 30:
-            continue
-        rows = rows[:: max(1, len(rows) // FIT_POINTS)]
-        points = cloud.points[rows].astype(np.float64)
-        plane = fit_plane(points, cloud.stations[cloud.station[rows]], noise)
-        plane, _ = with_unevenness(plane, points)
-        flat.append(tuple(flatness(plane, points)))
-        planes.append(plane.facing(cloud.stations[cloud.station[rows[0]]]))
+        near = np.abs(side.depth) < REACH_M
+        at = np.column_stack([side.end_u, side.end_z])[near]
+        ends = np.array([[work.line.u0, work.base], [work.line.u1, work.top]])
+        holes = np.array([[[o.u0, o.z0], [o.u1, o.z1]] for o in work.openings]).reshape(-1, 2, 2)
+        rows = side.row[near][surface_returns(at, side.depth[near], band, ends, holes)]
+        if len(rows) >= LEAST_FIT:
+            faces.append(_fitted_face(cloud, rows, "finished wall", noise))
     known = work.raster.state
     solid = float((known == 1).sum())
-    holes = sum(o.width * o.height for o in work.openings) / work.raster.cell**2
-    quality = min(1.0, solid / max(known.size - holes, 1.0))
-    if not planes:
-        return FitRecord(None, None, quality, None, work.line.source), (), ()
+    open_cells = sum(o.width * o.height for o in work.openings) / work.raster.cell**2
+    quality = min(1.0, solid / max(known.size - open_cells, 1.0))
+    if not faces:
+        return FitRecord(None, None, quality, None, work.line.source), ()
+    planes = [f.plane for f in faces]
     sigma = [p.position_sigma for p in planes]
     extra = work.line.thickness_sigma / 2
     position = float(np.hypot(np.sqrt(np.sum(np.square(sigma))) / len(sigma), extra))
@@ -180,4 +231,4 @@ def _fit(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> _Fitted:
         float(np.mean([p.residual_mean for p in planes])), float(np.mean([p.residual_sigma for p in planes])), quality,
         position, work.line.source, sum(p.count for p in planes),
     )
-    return record, tuple(planes), tuple(flat)
+    return record, tuple(faces)

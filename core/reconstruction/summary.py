@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..dimensions.table import dimensions_to_json as rows_to_json
 from .building import ASSUMED, MEASURED, REVEAL, BuiltStorey, Reconstruction
-from .dimensions import dimensions_to_json, room_dimensions
+from .dimensions import dimension_rows, dimensions_to_json, room_dimensions
 
 
 def summary_lines(result: Reconstruction) -> list[str]:
@@ -41,6 +42,7 @@ def reconstruction_to_json(result: Reconstruction) -> dict[str, Any]:
         "returns": result.returns, "stations": result.stations, "scans": list(result.scan_paths),
         "seconds": result.timings, "warnings": result.warnings,
         "storeys": [_storey(s, result.origin.tolist()) for s in result.storeys],
+        "dimensions": rows_to_json(dimension_rows(result)),
     }
 
 

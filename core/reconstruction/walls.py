@@ -29,6 +29,7 @@ OUTER_SHARE = 0.3
 """Share of the inner face's length along which the outer one must be seen as well."""
 PLACE_M = 0.15
 ROWS = 100_000
+SEEN_OUTSIDE = -2
 SHORT_SHARE = 0.5
 LONG_SHARE = 2.0
 """Seen from one side for more than this many times its length between two rooms, a side goes on as another wall: where a
@@ -50,7 +51,7 @@ class Piece:
     left: int
     """Room at the left."""
     right: int
-    """Room at the right, -1 for none, -2 for a face seen from outside."""
+    """Room at the right, -1 for none, SEEN_OUTSIDE for a face that was seen where no room is."""
     face: int = -1
     """Row of the storey's faces of the surface seen at the left; -1 for none."""
 
@@ -193,7 +194,7 @@ def _look_outside(piece: Piece, faces: list[Face]) -> None:
         if len(np.unique(both // ROWS)) >= OUTER_SHARE * len(np.unique(inner // ROWS)):
             best = distance
     if best is not None:
-        piece.thickness, piece.right = best, -2
+        piece.thickness, piece.right = best, SEEN_OUTSIDE
 
 
 def _places(face: Face, piece: Piece) -> NDArray[np.int64]:

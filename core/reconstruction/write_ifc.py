@@ -34,12 +34,15 @@ def write_reconstruction(path: str | Path, result: Reconstruction, name: str = "
 
     ``name``: of the file in its header, where ``path`` is not the last place of it.
     """
-    writer = _Writer(result)
-    writer.build()
+    write_building_file(path, building_file(result), name)
+
+
+def write_building_file(path: str | Path, file: Any, name: str = "") -> None:
+    """The same for what ``building_file`` made."""
     with whole_file(path) as temporary:
-        writer.file.header.file_name.name = name or Path(path).name
-        writer.file.header.file_name.time_stamp = TIME_STAMP
-        writer.file.write(str(temporary))
+        file.header.file_name.name = name or Path(path).name
+        file.header.file_name.time_stamp = TIME_STAMP
+        file.write(str(temporary))
 
 
 def building_file(result: Reconstruction) -> Any:
@@ -144,12 +147,13 @@ class _Writer:
         axis = f.create_entity("IfcShapeRepresentation", self.axis, "Axis", "Curve2D", [line])
         product.Representation.Representations = [*product.Representation.Representations, axis]
         self._pset(product, wall.fit)
-        self._common(product, "Pset_WallCommon", {"IsExternal": wall.external})
+        external = {} if wall.external is None else {"IsExternal": wall.external}
+        self._common(product, "Pset_WallCommon", external)
         parts = []
         for number, opening in enumerate(wall.openings, start=1):
             filling = self._opening(product, place, wall, opening, f"{name}.{number}", storey_place)
             if filling is not None:
-                self._common(filling, f"Pset_{filling.is_a()[3:]}Common", {"IsExternal": wall.external})
+                self._common(filling, f"Pset_{filling.is_a()[3:]}Common", external)
                 parts.append(filling)
         return product, parts
 
@@ -291,7 +295,8 @@ class _Writer:
         } | (more or {}) | {"Method": f.create_entity("IfcLabel", f"bim_verify {__version__}")})
 
     def _common(self, product: Any, name: str, values: dict[str, bool]) -> None:
-        self._set(product, name, {k: self.file.create_entity("IfcBoolean", v) for k, v in values.items()})
+        if values:
+            self._set(product, name, {k: self.file.create_entity("IfcBoolean", v) for k, v in values.items()})
 
     def _set(self, product: Any, name: str, values: dict[str, Any]) -> None:
         f = self.file

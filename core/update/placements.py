@@ -62,11 +62,20 @@ def move(file: Any, shifts: Mapping[int, Vector]) -> list[Changed]:
     return changed
 
 
-def put_back(file: Any, product: Any, location: Vector) -> None:
-    """Give a product's local placement the location (3,) that it had; file units."""
-    placement = product.ObjectPlacement
-    if placement is not None and placement.is_a("IfcLocalPlacement"):
-        _relocate(file, placement, location)
+def with_what_hangs_on_it(file: Any, shifts: Mapping[int, Vector]) -> dict[int, Vector]:
+    """The same shifts, and those of all products whose placements hang on a moved product's and that have none of their own."""
+    out = dict(shifts)
+    shift_of = {
+        p.ObjectPlacement.id(): shift for row, shift in shifts.items() if (p := file.by_id(row)).ObjectPlacement is not None
+    }
+    for product in file.by_type("IfcProduct"):
+        node, seen = product.ObjectPlacement, set()
+        while node is not None and product.id() not in out and node.id() not in seen and node.is_a("IfcLocalPlacement"):
+            seen.add(node.id())
+            if node.id() in shift_of:
+                out[product.id()] = shift_of[node.id()]
+            node = node.PlacementRelTo
+    return out
 
 
 def location_of(placement: Any) -> tuple[float, float, float]:

@@ -14,7 +14,7 @@ from ..model.decisions import read_decisions
 from ..model.property_sets import ElementProperties, put_property_sets
 from ..model.write_psets import PSET_NAME as VERIFICATION
 from ..model.write_psets import own_set, plain_values
-from .placements import Changed, location_of, move, put_back
+from .placements import Changed, location_of, move, with_what_hangs_on_it
 
 PSET_NAME = "BimVerify_Update"
 OWN, FOLLOWS, KEPT = "MOVED", "FOLLOWS", "KEPT"
@@ -61,8 +61,8 @@ def update_file(file: Any) -> UpdateResult:
     """Move the elements of an open ``ifcopenshell.file`` that are DEVIATING with a significant displacement.
 
     A person's decision goes before the verdict. Openings, fillings and parts follow what they belong to, unless they were
-    found displaced themselves; an opening goes with its only filling where that was. Each product whose local placement
-    changed gets ``BimVerify_Update``. A displacement that was applied before is not applied again.
+    found displaced themselves; an opening goes with its only filling where that was. Each product that moved, or whose
+    local placement changed, gets ``BimVerify_Update``. A displacement that was applied before is not applied again.
     """
     import ifcopenshell.util.unit
 
@@ -76,12 +76,14 @@ def update_file(file: Any) -> UpdateResult:
     shifts, follows = dict(own), dict[int, str]()
     for row, source in list(own.items()):
         _carry(file.by_id(row), source, own, shifts, follows)
+    notes += _carry_wholes(file, own, shifts, follows)
     for row, shift in own.items():
         for opening in _openings_of_filling(file.by_id(row)):
             shifts[opening.id()], follows[opening.id()] = shift, file.by_id(row).GlobalId
     changed = move(file, shifts)
     done = {c.product.id() for c in changed}
-    carried = [Changed(p, location_of(p.ObjectPlacement)) for row in own if row not in done and (p := file.by_id(row))]
+    rest = [file.by_id(row) for row in shifts if row not in done]
+    carried = [Changed(p, location_of(p.ObjectPlacement)) for p in rest if p.ObjectPlacement is not None]
     entries = [_entry(c, shifts, own, follows, records, unit) for c in (*changed, *carried)]
     put_property_sets(file, PSET_NAME, entries)
     updates = [_update(file.by_id(row), OWN if row in own else FOLLOWS, shift * unit) for row, shift in shifts.items()]
@@ -90,31 +92,39 @@ def update_file(file: Any) -> UpdateResult:
 
 
 def undo_file(file: Any) -> UpdateResult:
-    """Put everything that carries ``BimVerify_Update`` back to where it was, and remove that set."""
+    """Take back, in the world, how far everything that carries ``BimVerify_Update`` was moved, and remove that set.
+
+    What hangs on it goes along, as it does for an edit, unless it carries the set itself. Placements may hang on others
+    than at the time of the update.
+    """
     import ifcopenshell.api.pset
     import ifcopenshell.util.unit
 
     unit = float(ifcopenshell.util.unit.calculate_unit_scale(file))
-    updates = []
+    shifts: dict[int, Vector] = {}
+    updates, notes = [], []
     for product, values in list(_with_set(file, PSET_NAME)):
-        before = _vector(values, "Previous")
-        if before is None:
-            continue
         moved = _vector(values, "Moved")
-        put_back(file, product, before)
+        if moved is None:
+            continue
+        if product.ObjectPlacement is not None and not product.ObjectPlacement.is_a("IfcLocalPlacement"):
+            notes.append(f"{product.GlobalId} is placed by {product.ObjectPlacement.is_a()} and was not put back.")
+            continue
+        shifts[product.id()] = -moved
         pset = own_set(file, product, PSET_NAME)
         if pset is not None:
             ifcopenshell.api.pset.remove_pset(file, product=product, pset=pset)
-        updates.append(_update(product, str(values.get("Kind", OWN)), -(np.zeros(3) if moved is None else moved) * unit))
+        updates.append(_update(product, str(values.get("Kind", OWN)), -moved * unit))
     if not updates:
         raise BimVerifyError(f"The model carries no property set {PSET_NAME}, so there is nothing to undo.")
-    return UpdateResult(tuple(updates))
+    move(file, with_what_hangs_on_it(file, shifts))
+    return UpdateResult(tuple(updates), tuple(notes))
 
 
 def update_lines(result: UpdateResult, undo: bool = False) -> list[str]:
     """The result in a few lines for a person."""
     if undo:
-        return [f"{len(result.updates)} elements put back."]
+        return [f"{len(result.updates)} elements put back.", *(f"Note: {note}" for note in result.notes[:5])]
     first = (
         f"{result.count(OWN)} displaced elements moved to where they stand, {result.count(FOLLOWS)} openings, fillings and "
         f"parts followed, {result.count(KEPT)} kept their place."
@@ -160,11 +170,39 @@ def _carry(
         _carry(dependent, shift, own, shifts, follows)
 
 
+def _carry_wholes(
+    file: Any, own: dict[int, Vector], shifts: dict[int, Vector], follows: dict[int, str]
+) -> list[str]:
+    """A whole goes with its parts where all of them moved alike, and takes its openings along; notes on the others."""
+    notes = []
+    wholes = {w.id() for row in own for w in _wholes(file.by_id(row))} - own.keys() - follows.keys()
+    for row in sorted(wholes):
+        whole = file.by_id(row)
+        parts = [p for r in whole.IsDecomposedBy for p in r.RelatedObjects if p.is_a("IfcProduct")]
+        shift = next(own[p.id()] for p in parts if p.id() in own)
+        if all(p.id() in own and np.allclose(own[p.id()], shift, rtol=0.0, atol=1e-9) for p in parts):
+            shifts[row], follows[row] = shift, parts[0].GlobalId
+            _carry(whole, shift, own, shifts, follows)
+        elif getattr(whole, "HasOpenings", None):
+            notes.append(f"Parts of {whole.GlobalId} moved differently; its openings and what fills them kept their place.")
+    return notes
+
+
+def _wholes(product: Any) -> Iterable[Any]:
+    for relation in getattr(product, "Decomposes", None) or ():
+        if relation.RelatingObject.is_a("IfcElement"):
+            yield relation.RelatingObject
+
+
 def _dependents(product: Any) -> Iterable[Any]:
     for relation in getattr(product, "HasOpenings", None) or ():
         yield relation.RelatedOpeningElement
     for relation in getattr(product, "HasFillings", None) or ():
         yield relation.RelatedBuildingElement
+    for relation in getattr(product, "HasProjections", None) or ():
+        yield relation.RelatedFeatureElement
+    for relation in getattr(product, "HasCoverings", None) or ():
+        yield from (c for c in relation.RelatedCoverings if _verification_of(c).get("Status") != "CONFIRMED")
     for relation in (*(getattr(product, "IsDecomposedBy", None) or ()), *(getattr(product, "IsNestedBy", None) or ())):
         yield from (part for part in relation.RelatedObjects if part.is_a("IfcProduct"))
 

@@ -22,6 +22,7 @@ from bim_verify.core.model.elements import BuildingModel
 from bim_verify.core.model.property_sets import ElementProperties, put_property_sets
 from bim_verify.core.model.write_psets import PSET_NAME as VERIFICATION
 from bim_verify.core.options import ClassifyOptions
+from bim_verify.core.update.update import update_file
 
 ops = bpy.ops.bim_verify
 
@@ -82,6 +83,30 @@ def test_the_updated_model_is_written(
     )
     np.testing.assert_allclose(after["North"] - before["North"], [0.0, 50.0, 0.0], atol=1e-9)
     np.testing.assert_array_equal(after["South"], before["South"])
+
+
+def test_the_update_is_put_back(blender: bpy.types.Scene, house: Path, tmp_path: Path) -> None:
+    ops.import_ifc(filepath=str(house))
+    with pytest.raises(RuntimeError, match="nothing to undo"):
+        ops.undo_update(filepath=str(tmp_path / "back.ifc"))
+    assert list(tmp_path.iterdir()) == []
+    file = ifcopenshell.open(str(house))
+    wall = next(w for w in file.by_type("IfcWall") if w.Name == "North")
+    planned = ifcopenshell.util.placement.get_local_placement(wall.ObjectPlacement)
+    values = {
+        "Status": ("IfcLabel", "DEVIATING"), "Significant": ("IfcBoolean", True), "DisplacementX": ("IfcLengthMeasure", 0.0),
+        "DisplacementY": ("IfcLengthMeasure", 0.05), "DisplacementZ": ("IfcLengthMeasure", 0.0),
+    }  # fmt: skip
+    put_property_sets(file, VERIFICATION, [ElementProperties(wall.GlobalId, wall.id(), values)])
+    update_file(file)
+    file.write(str(tmp_path / "updated.ifc"))
+    ops.import_ifc(filepath=str(tmp_path / "updated.ifc"))
+    assert ops.undo_update(filepath=str(tmp_path / "back")) == {"FINISHED"}
+    back = ifcopenshell.open(str(tmp_path / "back.ifc")).by_guid(wall.GlobalId)
+    np.testing.assert_allclose(ifcopenshell.util.placement.get_local_placement(back.ObjectPlacement), planned, atol=1e-6)
+    assert "put back" in blender.bim_verify_update.summary
+    with pytest.raises(RuntimeError, match="never written"):
+        ops.undo_update(filepath=str(tmp_path / "updated.ifc"))
 
 
 def test_a_blend_file_shows_what_an_update_moved(house: Path, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from bim_verify.bim_verify_addon.session import SESSION, RunningJob
 ONLY_WRITE_FILES = {
     "export_ifc", "export_bcf", "export_change",
     "report", "export_table", "export_dimensions", "export_ids", "export_templates",
-    "update_model", "classify", "simulate", "write_facade",
+    "update_model", "undo_update", "classify", "simulate", "write_facade",
 }  # fmt: skip
 """They change nothing in the scene, so there is nothing to undo."""
 NEED_NOTHING = {"import_ifc", "import_scan", "facade", "simulate"}

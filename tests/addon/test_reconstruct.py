@@ -11,6 +11,7 @@ import pytest
 from shapely.geometry import box
 
 from bim_verify.bim_verify_addon import scene
+from bim_verify.bim_verify_addon.capabilities import compare
 from bim_verify.bim_verify_addon.headless import save_blend
 from bim_verify.core import jobs
 from bim_verify.core.errors import BimVerifyError
@@ -24,6 +25,7 @@ from bim_verify.core.reconstruction.building import (
     FitRecord,
     Reconstruction,
 )
+from bim_verify.core.reconstruction.write_ifc import write_reconstruction
 
 ops = bpy.ops.bim_verify
 
@@ -36,7 +38,7 @@ def made(scan: Path) -> Reconstruction:
         np.array([0.0, 0.0]), np.array([4.0, 0.0]), 0.2, box(0.0, -0.1, 4.0, 0.1), 0.0, 2.5, (), (None, None), (0,), False, fit
     )
     slab = BuiltSlab(box(0.0, 0.0, 4.0, 3.0), 0.0, 0.2, "FLOOR", fit)
-    storey = BuiltStorey("Storey 1", 0.0, 2.5, (wall,), (), (slab,), (BuiltRoom(box(0.0, 0.1, 4.0, 3.0), 0.0, 2.5, 0.001),))
+    storey = BuiltStorey("Storey 1", 0.0, 2.5, (wall,), (), (slab,), (BuiltRoom(box(0.0, 0.1, 4.0, 3.0), 0.0, 2.5),))
     return Reconstruction(np.zeros(3), (storey,), 2000, 1, (str(scan),))
 
 
@@ -68,6 +70,39 @@ def test_it_may_only_be_written(
     assert blender.bim_verify.model_path == str(house)
     with pytest.raises(RuntimeError, match="never written"):
         ops.reconstruct(filepath=str(house))
+
+
+def test_report_dimensions_and_comparison_lie_beside_it(
+    blender: bpy.types.Scene, house: Path, scan: Path, made: Reconstruction, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    ops.import_scan(filepath=str(scan))
+    monkeypatch.setattr(jobs, "reconstruct", lambda *_: made)
+    settings = blender.bim_verify_reconstruct
+    settings.with_report = settings.with_dimensions = True
+    settings.reference = str(house)
+    assert ops.reconstruct("INVOKE_DEFAULT", filepath=str(tmp_path / "made.ifc")) == {"FINISHED"}
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["made.ifc", "made_dimensions.csv", "made_report"]
+    assert "Against the reference" in (tmp_path / "made_report" / "index.html").read_text(encoding="utf-8")
+    with pytest.raises(RuntimeError, match="never written"):
+        ops.reconstruct(filepath=str(house), reference=str(house))
+
+
+def test_the_model_is_compared_with_another_file(
+    blender: bpy.types.Scene, house: Path, made: Reconstruction, tmp_path: Path
+) -> None:
+    ops.import_ifc(filepath=str(house))
+    assert ops.compare(filepath=str(house)) == {"FINISHED"}
+    kinds = {i.name: i.get(compare.KIND_KEY) for i in scene.element_objects(blender).values()}
+    assert set(kinds.values()) == {"MATCHED"}
+    assert "Quality against the reference: 0.000" in blender.bim_verify_compare.summary
+    write_reconstruction(tmp_path / "one_wall.ifc", made)
+    blender.bim_verify_compare.with_report = True
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert ops.compare("INVOKE_DEFAULT", filepath=str(tmp_path / "one_wall.ifc")) == {"FINISHED"}
+    assert {i.get(compare.KIND_KEY) for i in scene.element_objects(blender).values()} == {"MATCHED", "EXTRA"}
+    assert (tmp_path / "house_comparison" / "index.html").is_file()
+    with pytest.raises(RuntimeError, match="nothing"):
+        ops.compare(filepath=str(tmp_path / "nothing.ifc"))
 
 
 def test_a_failure_leaves_file_and_scene(

@@ -206,7 +206,10 @@ def test_a_moved_element_is_found_where_it_stands_and_an_absent_one_nowhere() ->
 def test_the_command(files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model, scan_path = map(str, files)
     out, data = tmp_path / "out.e57", tmp_path / "out.json"
-    assert main(["classify", model, scan_path, "--out", str(out), "--json", str(data), "--no-cache"]) == 0
+    assert main(["classify", model, scan_path, "--out", str(out), "--json", str(data), "--report", str(tmp_path / "r"),
+                 "--no-cache"]) == 0
+    page = (tmp_path / "r" / "index.html").read_text(encoding="utf-8")
+    assert "By station" in page and "on no element" in page
     said = json.loads(data.read_text())
     assert said["returns"] == sum(e["returns"] for e in said["elements"]) + said["unassigned"]
     assert pye57.E57(str(out)).scan_count == sum(e["returns"] > 0 for e in said["elements"]) + 1
@@ -221,7 +224,7 @@ def test_the_command(files: tuple[Path, Path], tmp_path: Path, capsys: pytest.Ca
         error = capsys.readouterr().err
         assert why in error
         assert error.count("\n") == 1
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["out.e57", "out.json"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["out.e57", "out.json", "r"]
 
 
 def test_scans_elsewhere_are_refused(found: Classification) -> None:

@@ -51,7 +51,8 @@ def test_each_stop_can_be_typed_as_it_is_printed(lines: list[str]) -> None:
 
 
 def test_the_outputs_are_there(folder: Path, lines: list[str]) -> None:
-    for page in ("quality", "plan", "reconstruct", "coregister", "facade", "displacement"):
+    pages = ("quality", "plan", "update", "compare", "classify", "reconstruct", "coregister", "facade", "displacement")
+    for page in pages:
         assert "</html>" in (folder / page / "index.html").read_text(encoding="utf-8")
     assert ifcopenshell.open(folder / "reconstructed.ifc").by_type("IfcWall")
     assert len(ifcopenshell.open(folder / "facade.ifc").by_type("IfcOpeningElement")) >= 6

@@ -76,6 +76,27 @@ def test_walls_are_tested_for_plumb_square_parallel_and_flat(told: tuple[list[di
     assert all(0.0 <= r["p_limit"] <= 1.0 and 0.0 <= r["p_value"] <= 1.0 for r in tests)
 
 
+def test_corners_stand_where_the_walls_were_built(told: tuple[list[dict[str, Any]], Path]) -> None:
+    rows, _ = told
+    vertices = [r for r in rows if r["what"].startswith("vertex")]
+    assert len(vertices) == 8 * 3 and all(r["loa"] for r in vertices)
+    moved = [r for r in vertices if "north" in r["between"]]
+    for row in vertices:
+        assert row["covariance"]["xyz".index(row["what"][-1])] == pytest.approx(row["sigma"] ** 2)
+        built = row["planned"] if row not in moved else None
+        assert built is None or abs(row["value"] - built) < 3.5 * row["sigma"]
+    off = [np.hypot(*(x["value"] - x["planned"] for x in pair)) for pair in zip(moved[0::3], moved[1::3], strict=True)]
+    assert off == pytest.approx([OUT_M] * 4, abs=0.003)  # the corners of the wall that stands off, in plan
+    (height,) = of(rows, "edge length", "south", "west")
+    (along,) = of(rows, "edge length", "floor", "west")
+    assert abs(height["value"] - HIGH) < 3.5 * height["sigma"] < 0.006
+    assert abs(along["value"] - DEEP - OUT_M) < 3.5 * along["sigma"] < 0.006
+    for what in ("edge lean x", "edge lean y", "edge slope", "lean", "slope x", "slope y"):
+        own = [r for r in rows if r["what"] == what]
+        assert own and all(abs(r["value"]) < 4 * r["sigma"] + 1e-6 for r in own), what
+    assert sum(r["what"] == "unevenness" for r in rows) == 6
+
+
 def test_csv_and_report_say_the_same(told: tuple[list[dict[str, Any]], Path]) -> None:
     rows, folder = told
     with (folder / "dimensions.csv").open(encoding="utf-8-sig", newline="") as stream:

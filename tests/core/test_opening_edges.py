@@ -10,7 +10,7 @@ from shapely import box
 
 from bim_verify.core.planes.fit import fit_plane
 from bim_verify.core.planes.noise import PointNoise
-from bim_verify.core.reconstruction.building import BuiltRoom, BuiltStorey, BuiltWall, FitRecord, Reconstruction
+from bim_verify.core.reconstruction.building import BuiltRoom, BuiltStorey, BuiltWall, FitRecord, FittedFace, Reconstruction
 from bim_verify.core.reconstruction.crossings import Crossings
 from bim_verify.core.reconstruction.dimensions import room_dimensions
 from bim_verify.core.reconstruction.opening_edges import reveal_edge
@@ -184,9 +184,10 @@ def test_widths_and_right_angles_of_a_room_with_their_uncertainty(tmp_path: Path
         plane = fit_plane(points, station, noise).facing(station)
         fit = FitRecord(None, None, 1.0, None, "ASSUMED")
         walls.append(BuiltWall(
-            np.zeros(2), np.ones(2), 0.2, box(0, 0, 1, 1), 0.0, 2.5, (), (None, None), (0,), True, fit, planes=(plane,)
+            np.zeros(2), np.ones(2), 0.2, box(0, 0, 1, 1), 0.0, 2.5, (), (None, None), (0,), True, fit,
+            faces=(FittedFace(plane),),
         ))  # fmt: skip
-    room = BuiltRoom(box(0.0, 0.0, 4.0, 3.01), 0.0, 2.5, None)
+    room = BuiltRoom(box(0.0, 0.0, 4.0, 3.01), 0.0, 2.5)
     storey = BuiltStorey("Storey", 0.0, 2.5, tuple(walls), (), (), (room,))
     result = room_dimensions(storey, room)
     (width,) = (w for w in result.widths if w.walls == (0, 1))

@@ -9,7 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import ifcopenshell
+import ifcopenshell.api.aggregate
 import ifcopenshell.api.feature
+import ifcopenshell.api.geometry
+import ifcopenshell.guid
 import ifcopenshell.util.element
 import ifcopenshell.util.placement
 import ifcopenshell.validate
@@ -158,6 +161,47 @@ def test_the_same_displacement_is_not_applied_twice_and_a_second_one_is_undone_t
     np.testing.assert_allclose(world(column), before, atol=1e-9)
 
 
+def test_undo_works_in_the_world_whatever_placements_hang_on_by_then() -> None:
+    """As another program leaves them that gives every product it touches a new parent, at the same place."""
+    made, things = room()
+    planned = {name: world(p) for name, p in things.items()}
+    found_displaced(made.file, things["partition"], SHIFT)
+    update_file(made.file)
+    for name in ("lamp", "door", "partition"):
+        place = world(things[name])
+        ifcopenshell.api.geometry.edit_object_placement(made.file, product=things[name], matrix=place.copy(), is_si=True)
+        np.testing.assert_allclose(world(things[name]), place, atol=1e-6)
+    undo_file(made.file)
+    for name, place in planned.items():
+        np.testing.assert_allclose(world(things[name]), place, atol=1e-6, err_msg=name)
+
+
+def test_projections_and_coverings_follow_and_so_does_a_whole_of_which_all_parts_moved() -> None:
+    made, things = room()
+    f, base = made.file, at(1000.0, 2000.0, 30.0, 30.0)
+    nose = made.product("IfcProjectionElement", "nose", made.box(0.1, 0.5, 0.5), base @ at(x=4.15, y=2.0), into=False)
+    guid = ifcopenshell.guid.new
+    f.create_entity(
+        "IfcRelProjectsElement", GlobalId=guid(), RelatingElement=things["partition"], RelatedFeatureElement=nose
+    )
+    plaster = made.product("IfcCovering", "plaster", made.box(0.01, 4.0, 2.6), base @ at(x=4.15))
+    f.create_entity(
+        "IfcRelCoversBldgElements", GlobalId=guid(), RelatingBuildingElement=things["partition"], RelatedCoverings=[plaster]
+    )
+    parts = [made.product("IfcBuildingElementPart", n, made.box(0.1, 4.0, 2.6), base @ at(x=4.0)) for n in ("core", "skin")]
+    ifcopenshell.api.aggregate.assign_object(f, products=parts, relating_object=things["partition"])
+    things |= {"nose": nose, "plaster": plaster, "core": parts[0], "skin": parts[1]}
+    before = {name: world(p) for name, p in things.items()}
+    found_displaced(f, parts[0], SHIFT)
+    found_displaced(f, parts[1], SHIFT)
+    assert update_file(f).notes == ()
+    for name in ("core", "skin", "partition", "opening", "door", "nose", "plaster"):
+        np.testing.assert_allclose(world(things[name])[:3, 3] - before[name][:3, 3], SHIFT, atol=1e-6, err_msg=name)
+    undo_file(f)
+    for name, place in before.items():
+        np.testing.assert_allclose(world(things[name]), place, atol=1e-6, err_msg=name)
+
+
 def test_nothing_to_do_is_said() -> None:
     made, _ = room()
     with pytest.raises(BimVerifyError, match="verify"):
@@ -185,7 +229,9 @@ def test_an_updated_model_is_confirmed_by_the_same_scan(tmp_path: Path, schema: 
     write_verified_ifc(plan, first, tmp_path / "verified.ifc")
     source = (tmp_path / "verified.ifc").read_bytes()
     out, data = tmp_path / "updated.ifc", tmp_path / "out.json"
-    assert main(["update", str(tmp_path / "verified.ifc"), "--out", str(out), "--json", str(data)]) == 0
+    assert main(["update", str(tmp_path / "verified.ifc"), "--out", str(out), "--json", str(data), "--report",
+                 str(tmp_path / "moved")]) == 0
+    assert "partition" in (tmp_path / "moved" / "index.html").read_text(encoding="utf-8")
     assert (tmp_path / "verified.ifc").read_bytes() == source
     moved = {u["name"]: u for u in json.loads(data.read_text())["updates"]}
     assert {"partition", "column"} <= set(moved)
@@ -195,7 +241,8 @@ def test_an_updated_model_is_confirmed_by_the_same_scan(tmp_path: Path, schema: 
         assert (second[name].displacement or 0.0) < 0.002
     assert complaints(out) == complaints(plan)
     back = tmp_path / "back.ifc"
-    assert main(["update", str(out), "--out", str(back), "--undo"]) == 0
+    assert main(["update", str(out), "--out", str(back), "--undo", "--report", str(tmp_path / "undone")]) == 0
+    assert "put back" in (tmp_path / "undone" / "index.html").read_text(encoding="utf-8")
     reopened = ifcopenshell.open(str(back))
     for name in ("partition", "column", "opening", "door", "lamp"):
         product = things[name]

@@ -1,0 +1,63 @@
+"""The report of a comparison of two models: classes, pairs with their differences, and what has no partner."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..report.plain_page import Section, millimetres, write_page
+from .compare import AREA_LIMIT_M2, MIDDLE_LIMIT_M, ClassComparison, Comparison, comparison_lines
+from .shapes import Shape
+
+MEANING = (
+    f"0 is equal, 1 as far apart as the limits, which are fixed, so that runs compare: middles in plan {MIDDLE_LIMIT_M:g} m "
+    f"apart, difference of length times difference of width {AREA_LIMIT_M2:g} m2, sine of the angle 1; the mean of the three. "
+    "What has no partner counts 1."
+)
+COLUMNS = (
+    "Found", "In the reference", "Quality", "Middle mm", "Axis mm", "Angle °", "Length mm", "Width mm", "Height mm", "Edge mm",
+)
+
+
+def write_comparison_report(folder: str | Path, result: Comparison, found: str, reference: str) -> Path:
+    """Write ``index.html`` into ``folder`` (made if missing) and return its path; BimVerifyError where that fails."""
+    *lines, headline = comparison_lines(result)
+    meta = [("Model", Path(found).name), ("Reference", Path(reference).name), ("Notes", " ".join(lines))]
+    return write_page(folder, "Comparison", "Two building models", headline, meta, comparison_sections(result))
+
+
+def comparison_sections(result: Comparison) -> list[Section]:
+    """One table of the classes, then for each class its pairs and what has no partner."""
+    sections = [Section(
+        "Against the reference", f"Quality {result.quality:.3f}. {MEANING}",
+        columns=(
+            "Class", "Reference", "Found", "Matched", "Precision", "Recall", "F1", "Axis max mm", "Width max mm",
+            "Edge max mm, seen", "Edge max mm, all",
+        ),
+        rows=[
+            (kind, str(c.reference), str(c.found), str(len(c.matches)), f"{c.precision:.3f}", f"{c.recall:.3f}",
+             f"{c.f1:.3f}", *(millimetres(c.largest(w)) for w in ("axis", "width", "seen_edge", "edge")))
+            for kind, c in result.classes.items()
+        ],
+        numeric=frozenset(range(1, 11)),
+    )]  # fmt: skip
+    return sections + [_pairs(c) for c in result.classes.values()]
+
+
+def _pairs(c: ClassComparison) -> Section:
+    rows = [
+        (_name(m.found), _name(m.reference), f"{m.quality:.3f}", millimetres(m.middle), millimetres(m.axis),
+         f"{np.degrees(m.angle):.2f}", *(millimetres(v) for v in (m.length, m.width, m.height, m.edge)))
+        for m in sorted(c.matches, key=lambda m: -m.quality)
+    ]  # fmt: skip
+    rows += [("–", _name(s), "1", *[""] * 7) for s in c.missed]
+    rows += [(_name(s), "–", "1", *[""] * 7) for s in c.extra]
+    return Section(
+        f"Pairs: {c.kind}", "Lengths, widths and heights: model minus reference. Edge: the largest difference of an edge.",
+        columns=COLUMNS, rows=rows, numeric=frozenset(range(2, 10)),
+    )
+
+
+def _name(shape: Shape) -> str:
+    return shape.name or shape.global_id
