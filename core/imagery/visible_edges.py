@@ -110,8 +110,7 @@ class EdgeViewer:
         """Edges that cross the view's pyramid, and the part of each inside it (shares of its length)."""
         inside = camera.interior
         a, b = camera.in_camera(self.edges.start), camera.in_camera(self.edges.end)
-        low = np.array([-margin, -margin])
-        high = np.array([inside.width - 1 + margin, inside.height - 1 + margin])
+        low, high = inside.ideal_frame + np.array([[-margin], [margin]])
         left, top = (low - [inside.cx, inside.cy]) / [inside.fx, inside.fy]
         right, bottom = (high - [inside.cx, inside.cy]) / [inside.fx, inside.fy]
         planes = np.array([[1, 0, -left], [-1, 0, right], [0, 1, -top], [0, -1, bottom], [0, 0, 1]], dtype=np.float64)
