@@ -102,7 +102,7 @@ class EdgeViewer:
         good = np.flatnonzero(size >= SHORTEST_PX)
         return VisibleEdges(
             np.concatenate([begin, more_begin[good]]), np.concatenate([finish, more_end[good]]),
-            together([self._bearers(beside[sample], normal[sample], edges.element[row[chosen]]), more_bearers.rows(good)]),
+            together([self._bearers(beside[sample], normal[sample], row[chosen]), more_bearers.rows(good)]),
             np.concatenate([row[chosen], len(edges) + good]),
             np.concatenate([np.array(out_pixel).reshape(-1, 4), more_pixel[good]]),
         )
@@ -153,14 +153,16 @@ class EdgeViewer:
         joint = (element >= 0).all(axis=1) & _flat(normal) & (self._kind[element[:, 0]] == self._kind[element[:, 1]])
         return (element >= 0).any(axis=1) & ~joint, element, normal
 
-    @staticmethod
-    def _bearers(beside: NDArray[np.int64], normal: Vector, owner: NDArray[np.int64]) -> EdgeBearers:
-        """Of edges with the elements ``beside`` (N, 2) them, -1 for none; a joint in a plane moves with its ``owner`` (N,)."""
+    def _bearers(self, beside: NDArray[np.int64], normal: Vector, edge: NDArray[np.int64]) -> EdgeBearers:
+        """Of edges (N,) with the elements ``beside`` (N, 2) them, -1 for none; a joint in a plane moves with its owner."""
         two, flat = (beside >= 0).all(axis=1), _flat(normal)
+        owned = np.column_stack([self.edges.owned(edge, beside[:, k]) for k in (0, 1)])
+        owner = np.where(owned[:, 0], beside[:, 0], beside[:, 1])
         found = free_edges(np.where(two & flat, owner, beside.max(axis=1, initial=-1)))
         two &= ~flat
-        meeting = meeting_of(beside[two], normal[two])
-        found.element[two], found.carry[two] = meeting.element, meeting.carry
+        meeting = meeting_of(beside[two], normal[two], edge[two], owned[two])
+        for name, value in vars(meeting).items():
+            getattr(found, name)[two] = value
         return found
 
 
