@@ -67,6 +67,8 @@ class MatchedLine:
     """Root mean square distance of the line's ends from the projected edge, pixels."""
     crowding: float
     """How far the line may lie from the edge because others are too near to be told apart, pixels."""
+    weight: float
+    """Of the line's length and strength, see ``ImageLines.weight``."""
     test: float
     """Chi-square with two degrees."""
     kept: bool
@@ -343,7 +345,7 @@ def adjust_matches(
         MatchedLine(
             edges.bearers.rows(np.array([e])), np.stack([edges.start[e], edges.end[e]]),
             np.concatenate([lines.start[k], lines.end[k]]), _distance(estimate.camera, edges, e, lines, k), float(near),
-            float(test), bool(keep),
+            float(lines.weight[k]), float(test), bool(keep),
         )
         for e, k, near, test, keep in zip(edge, line, crowded, tests, kept, strict=True)
     )
