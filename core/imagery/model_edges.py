@@ -99,7 +99,8 @@ def _joined(start: Vector, end: Vector, element: NDArray[np.int64], shortest: fl
     line = line.ravel()
     t = np.sort(np.column_stack([np.einsum("ni,ni->n", along, start), np.einsum("ni,ni->n", along, end)]), axis=1)
     order = np.lexsort((t[:, 0], line))
-    starts, ends, owners = [], [], []
+    starts, ends = [], []
+    owners: list[tuple[int, int]] = []
     members: set[int] = set()
     last, low, high, longest, row = -1, 0.0, 0.0, 0.0, -1
 
