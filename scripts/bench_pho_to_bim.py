@@ -1,6 +1,7 @@
 """Verdicts from photos: tie points, and tie points with a dense cloud, of a building built otherwise than planned.
 
     python scripts/bench_pho_to_bim.py [--campaigns 3] [--loa 30] [--quick] [--json FILE]
+    python scripts/bench_pho_to_bim.py --photos 200
 
 Four rooms, photographed by rings of photos in each room (0.5 pixels of noise, twelve control points of 2 mm). A block is
 adjusted, written and verified as a user would. In every campaign four elements are missing and six stand 4 to 15 cm off,
@@ -44,8 +45,12 @@ def main() -> None:
     parser.add_argument("--campaigns", type=int, default=3)
     parser.add_argument("--loa", type=int, default=30)
     parser.add_argument("--quick", action="store_true", help="one campaign with fewer photos")
+    parser.add_argument("--photos", type=int, help="only: how long one verification with so many photos takes")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else None)
+    if options.photos:
+        timed(options.photos, options.loa)
+        return
     found: dict[str, Counter[str]] = {"tie points": Counter(), "with dense points": Counter()}
     for seed in range(1 if options.quick else options.campaigns):
         for name, counts in campaign(seed, options.loa, options.quick).items():
@@ -60,6 +65,23 @@ def main() -> None:
             print(f"  {kind}: {right} of {total - silent} right, {silent} not observed ({given})")
     if options.json:
         options.json.write_text(json.dumps(found, indent=1), encoding="ascii")
+
+
+def timed(count: int, loa: int) -> None:
+    """Processor time of one verification with ``count`` photos of the building as planned."""
+    model = building_model(four_rooms())
+    steps = np.random.default_rng(5).uniform(-0.9, 0.9, (count // 36 + 1, 1, 3)) * [1.0, 1.0, 0.15]
+    cameras = cameras_around((four_room_stations()[:4] + steps).reshape(-1, 3), 9)[:count]
+    problem, points = photograph_block(RayScene(model), cameras, 100, 0, free=())
+    with tempfile.TemporaryDirectory() as folder:
+        project = Path(folder) / "adjusted.json"
+        project.write_text(json.dumps(adjusted_project(problem, adjust_bundle(problem), "bench")), encoding="ascii")
+        begin = time.process_time()
+        result = verify(model, [project], VerifyOptions(loa=loa, sample_spacing=0.08))
+        print(
+            f"{count} photos, {len(points)} tie points, {len(problem.observed)} rays, {len(result.samples)} query positions: "
+            f"{time.process_time() - begin:.0f} s of processor time"
+        )
 
 
 def campaign(seed: int, loa: int, quick: bool) -> dict[str, Counter[str]]:

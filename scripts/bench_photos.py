@@ -2,7 +2,8 @@
 
     python scripts/render_photos.py MODEL.ifc --out DIR && python scripts/bench_photos.py MODEL.ifc DIR [--starts 3]
 
-Every image is placed from several coarse poses, drawn anew from the sigmas of ``cameras.json``.
+Every image is placed from several coarse poses, drawn anew from the sigmas of ``cameras.json``. With ``--swapped`` every image
+is given for every other's place instead, which must be refused.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import argparse
 import json
 import math
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,11 +21,18 @@ from headless_entry import package
 
 PACKAGE = package()
 
-from bim_verify.core.imagery.cameras_file import CameraList, KnownCamera, read_cameras  # noqa: E402
+from bim_verify.core.imagery.cameras_file import CameraList, KnownCamera, read_cameras, shifted  # noqa: E402
 from bim_verify.core.imagery.coregistration import CoregisterOptions, state_of  # noqa: E402
+from bim_verify.core.imagery.detect_lines import detect_lines  # noqa: E402
 from bim_verify.core.imagery.line_pose import pose_difference  # noqa: E402
+from bim_verify.core.imagery.model_edges import sharp_edges  # noqa: E402
+from bim_verify.core.imagery.read_image import read_grey  # noqa: E402
+from bim_verify.core.imagery.register_image import register_image  # noqa: E402
+from bim_verify.core.imagery.visible_edges import EdgeViewer  # noqa: E402
 from bim_verify.core.jobs.coregister import coregister  # noqa: E402
+from bim_verify.core.model.elements import BuildingModel  # noqa: E402
 from bim_verify.core.model.load import load_model  # noqa: E402
+from bim_verify.core.sensing.loa import level_sigma  # noqa: E402
 
 
 def main() -> None:
@@ -34,10 +43,14 @@ def main() -> None:
     parser.add_argument("--worse", type=float, default=1.0, help="factor on the sigmas of the coarse poses")
     parser.add_argument("--loa", type=int, default=40)
     parser.add_argument("--detector", default="lsd", choices=("lsd", "hough"))
+    parser.add_argument("--swapped", action="store_true", help="give every image for every other's place")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else None)
     model = load_model(options.model)
     coarse, truth = read_cameras(options.folder / "cameras.json"), read_cameras(options.folder / "truth.json")
+    if options.swapped:
+        swapped(model, options.folder, coarse, CoregisterOptions(loa=options.loa, detector=options.detector))
+        return
     rows = []
     for start in range(options.starts):
         rng = np.random.default_rng((start, 3))
@@ -77,6 +90,20 @@ def main() -> None:
     )
     if options.json:
         options.json.write_text(json.dumps(rows, indent=1), encoding="ascii")
+
+
+def swapped(model: BuildingModel, folder: Path, coarse: CameraList, options: CoregisterOptions) -> None:
+    """Print what becomes of images that show another place than their camera says."""
+    viewer = EdgeViewer(model, sharp_edges(model))
+    local = [shifted(k, model.origin) for k in coarse.cameras if (folder / k.camera.name).exists()]
+    states: Counter[str] = Counter()
+    for image in local:
+        lines = detect_lines(read_grey(folder / image.camera.name), image.camera.interior, options.detector)
+        for place in local:
+            if place is not image:
+                found = register_image(viewer, lines, place, model_sigma=level_sigma(options.loa))
+                states[state_of(found)] += 1
+    print(", ".join(f"{state} {count}" for state, count in sorted(states.items())))
 
 
 if __name__ == "__main__":

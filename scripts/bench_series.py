@@ -70,11 +70,14 @@ def main() -> None:
         found[name] = {
             "rms_m": float(np.sqrt((away**2).mean())), "worst_m": float(away.max()),
             "predicted_rms_m": float(np.sqrt((sigma**2).mean())), "square": float(square.mean()),
+            "square_of_runs": square.mean(axis=1).tolist(),
         }
+        # the images of a run share the building's errors: only runs are independent
+        off = np.std(square.mean(axis=1), ddof=1) / math.sqrt(len(square)) if len(square) > 1 else math.nan
         print(
             f"{name}: centres off by {1000 * found[name]['rms_m']:.1f} mm (rms), {1000 * away.max():.1f} mm at worst; "
             f"predicted {1000 * found[name]['predicted_rms_m']:.1f} mm; squared error over covariance {square.mean():.2f} "
-            f"(6 expected); at the last image {1000 * np.sqrt((away[:, -1] ** 2).mean()):.1f} mm"
+            f"+- {off:.1f} (6 expected); at the last image {1000 * np.sqrt((away[:, -1] ** 2).mean()):.1f} mm"
         )
     print(f"{options.images} images, {len(next(iter(rows.values())))} runs, {time.perf_counter() - begin:.0f} s")
     if options.json:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit, prange
 from numpy.typing import NDArray
 
 from ..model.on_element import ElementSurfaces
@@ -14,8 +15,15 @@ from ..progress import Progress
 from ..scans.store import ReturnStore, in_sector
 from .dense_points import DensePoints
 from .gather import CUT, LEAST_RANGE_M, SensorModel, gather
-from .sightings import PhotoStation, Sightings, sight
-from .station_index import StationIndex, build_index, median_spacing, neighbour_angles, sorting_spacing
+from .sightings import VISIBLE_SPACINGS, PhotoStation, Sightings, sight
+from .station_index import (
+    StationIndex,
+    build_index,
+    median_spacing,
+    neighbour_angles,
+    sorting_spacing,
+    view_cone,
+)
 
 
 @dataclass(frozen=True)
@@ -128,6 +136,20 @@ class StationIndexes:
         return None
 
 
+@njit(cache=True, nogil=True, parallel=True)
+def _before(
+    position: NDArray[np.float64], normal: NDArray[np.float64], station: NDArray[np.float64], axis: NDArray[np.float64],
+    cosine: float,
+) -> NDArray[np.bool_]:
+    """(N,) whether a station stands before a query's face, and the query within the angle of ``cosine`` to ``axis``."""
+    out = np.empty(len(position), np.bool_)
+    for i in prange(len(position)):
+        x, y, z = position[i, 0] - station[0], position[i, 1] - station[1], position[i, 2] - station[2]
+        facing = x * normal[i, 0] + y * normal[i, 1] + z * normal[i, 2] < 0.0
+        out[i] = facing and x * axis[0] + y * axis[1] + z * axis[2] >= cosine * math.sqrt(x * x + y * y + z * z)
+    return out
+
+
 def look(
     stations: StationIndexes, queries: Queries, surfaces: ElementSurfaces, sensor: SensorModel, progress: Progress
 ) -> Sightings:
@@ -136,12 +158,13 @@ def look(
     photo = stations.photo
     for station, index, sector in stations.visit(sensor, progress):
         position = stations.position[station]
-        relative = queries.position - position
-        chosen = np.einsum("ij,ij->i", relative, queries.normal) < 0
+        axis, cosine = (np.array([0.0, 0.0, 1.0]), -2.0) if index.photo is None else view_cone(index, VISIBLE_SPACINGS)
+        row = np.flatnonzero(_before(queries.position, queries.normal, position, axis, cosine))
+        relative = queries.position[row] - position
         if sector is not None:
-            chosen &= in_sector(relative, *sector)
-        row = np.flatnonzero(chosen)
-        evidence = gather(index, relative[row], queries.normal[row], sensor)
+            own = in_sector(relative, *sector)
+            row, relative = row[own], relative[own]
+        evidence = gather(index, relative, queries.normal[row], sensor)
         parts.append(
             sight(
                 evidence, index, station, position, queries.number[row], queries.position[row], queries.normal[row],

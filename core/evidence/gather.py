@@ -14,7 +14,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from ..sensing.presets import LOGISTIC, ZONE_SIGMAS, MassParameters
-from .masses import level_conversion, log_one_minus, ray_masses
+from .masses import FAR_FROM_STEP, level_conversion, log_one_minus, ray_masses
 from .station_index import StationIndex, azimuth_half_width, azimuth_range, column_runs, place, row_range
 
 CUT = 5.0
@@ -27,6 +27,7 @@ LEAST_RANGE_M = 0.3
 SLOPE_SPREAD = math.sqrt(0.5 / math.log(2.0))
 """Standard deviation, in point spacings, of the transverse offset along the slope under the weight exp(-kappa dy^2)."""
 SMALLEST_MASS = 3e-9
+ROUNDED_UP = 1.000001
 SMALLEST_UNKNOWN = 1e-15
 LOG_SCALE = float(1 << 36)
 LENGTH_SCALE = float(1 << 40)
@@ -89,6 +90,17 @@ def mass_parameters(
     return lam * half, lam, math.log(2.0) / (spacing * spacing)
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _hidden_beyond(distance: float, cosine: float, spacing_rad: float, model_sigma: float) -> tuple[float, float]:
+    """(a, b): behind a return of standard deviation s by more than a + b s [m], both of its masses are zero.
+
+    From the derived parameters, since the root of a sum of squares is no more than the sum of their roots.
+    """
+    model, spacing = model_sigma / cosine, SLOPE_SPREAD * distance * spacing_rad / cosine
+    per_sigma = ROUNDED_UP * (ZONE_SIGMAS + FAR_FROM_STEP / LOGISTIC)
+    return per_sigma * model + ROUNDED_UP * ZONE_SIGMAS * spacing, per_sigma
+
+
 @njit(cache=True, nogil=True, parallel=True)
 def _gather(
     query: NDArray[np.float64], normal: NDArray[np.float64], order: NDArray[np.int64],
@@ -122,6 +134,7 @@ def _gather(
         half = azimuth_half_width(q, radius)
         begin, end = azimuth_range(q, half)
         first, last = row_range(q, radius, rows)
+        hidden, per_sigma = _hidden_beyond(distance, cosine, spacing_rad, model_sigma) if graded else (0.0, 0.0)
         sum_occ = sum_emp = sum_unk = 0
         best, best_dy2, best_range = -1, near_reach2, 0.0
         outside = distance2 - 1.001 * max(mass_reach2, near_reach2)  # (q.r0)^2 of rays that pass too far away
@@ -141,6 +154,8 @@ def _gather(
                     best, best_dy2, best_range = j, dy2, reach
                 if dy2 <= mass_reach2:
                     if graded and fixed_lam <= 0.0:
+                        if along - reach > hidden + per_sigma * own_sigma[j]:
+                            continue
                         c, lam, kappa = mass_parameters(
                             distance, cosine, spacing_rad, own_sigma[j], model_sigma, fixed_c, fixed_lam, fixed_kappa
                         )

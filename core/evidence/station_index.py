@@ -23,6 +23,7 @@ BIN_SPACINGS = 2.0
 FEWEST_ROWS = 16
 NEIGHBOURS = 12
 BINS_AT_ONCE = 1024
+ROUNDING_RAD = 1e-6
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -210,6 +211,24 @@ def _build(offsets: NDArray[np.float32], spacing_rad: float, photo: NDArray[np.f
         order = np.lexsort((*offsets.T[::-1], _bins(offsets, len(row_start) - 1, row_start)))
         returns, photo = offsets[order], photo[order]
     return StationIndex(returns, start, row_start, spacing_rad, photo)
+
+
+def view_cone(index: StationIndex, spacings: float) -> tuple[NDArray[np.float64], float]:
+    """Axis (3,) and cosine of the angle of a cone around all directions that have a return within so many ``spacings``.
+
+    What a camera looks at is a small part of its sphere: the rest need not be asked.
+    """
+    if not len(index.returns):
+        return np.array([0.0, 0.0, 1.0]), 2.0
+    ray = index.returns.astype(np.float64)
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    axis = ray.sum(axis=0)
+    size = float(np.linalg.norm(axis))
+    if size < 1e-6 * len(ray):
+        return np.array([0.0, 0.0, 1.0]), -2.0
+    axis /= size
+    widest = math.acos(min(max(float((ray @ axis).min()), -1.0), 1.0)) + math.asin(min(spacings * index.spacing_rad, 1.0))
+    return axis, math.cos(min(widest + ROUNDING_RAD, math.pi)) if widest < math.pi else -2.0
 
 
 def sorting_spacing(spacing_rad: float, returns: int) -> float:

@@ -76,7 +76,7 @@ def write_bundle_report(folder: str | Path, name: str, problem: BundleProblem, r
         numeric=frozenset(range(1, 6)),
     )
     headline = (
-        f"{facts['images']} images, {facts['points']} tie points; sigma 0 {facts['sigma0']:.3f}, tie points to "
+        f"{facts['images']} images, {facts['points']} tie points. Sigma 0 is {facts['sigma0']:.2f}; tie points are known to "
         f"{1000 * facts['point_sigma_median']:.1f} mm (median), {1000 * facts['point_sigma_p95']:.1f} mm (95 %)."
     )
     meta = [

@@ -16,6 +16,9 @@ Vector = NDArray[np.float64]
 PHOTOGRAMMETRIC = np.diag([1.0, -1.0, -1.0])
 """From the photogrammetric camera frame (x right, y up, z backward) to this one, and back."""
 MOST_ROUNDS = 100
+FRAME_POINTS = 17
+MOST_BEYOND = 0.5
+"""Share of an image's size by which its ideal pixels may reach beyond it."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,17 @@ class Interior:
             if np.abs(left).max(initial=0.0) < 1e-9:
                 break
         return ideal
+
+    @property
+    def ideal_frame(self) -> Vector:
+        """(2, 2) least and largest ideal pixel that the image shows: a barrel lens shows more than ``width`` by ``height``."""
+        along = np.linspace(0.0, 1.0, FRAME_POINTS)
+        low, high = np.zeros(FRAME_POINTS), np.ones(FRAME_POINTS)
+        border = np.concatenate([np.column_stack(pair) for pair in ((along, low), (along, high), (low, along), (high, along))])
+        size = np.array([self.width - 1, self.height - 1], dtype=np.float64)
+        ideal = self.undistort(border * size)
+        ideal = np.where(np.isfinite(ideal), ideal, border * size)
+        return np.clip(np.stack([ideal.min(axis=0), ideal.max(axis=0)]), -MOST_BEYOND * size, (1.0 + MOST_BEYOND) * size)
 
 
 @dataclass(frozen=True)

@@ -125,7 +125,7 @@ def findings(result: CoregistrationResult) -> dict[str, Any]:
         entry["lines"] = [
             {
                 "element": m.element, "edge": to_plain(m.edge + result.model.origin), "line": to_plain(m.line),
-                "residual_px": to_plain(m.residual), "test": to_plain(m.test), "used": m.kept,
+                "weight": m.weight, "residual_px": to_plain(m.residual), "test": to_plain(m.test), "used": m.kept,
             }
             for m in found.matches
         ]

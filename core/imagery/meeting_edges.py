@@ -76,8 +76,8 @@ class MeetingEdges:
 
     def _grid(self, camera: Camera, margin: float) -> tuple[Ints, Vector, Vector, Ints, tuple[int, int]]:
         lens = camera.interior
-        x = np.arange(-margin, lens.width + margin, STEP_PX)
-        y = np.arange(-margin, lens.height + margin, STEP_PX)
+        low, high = lens.ideal_frame + np.array([[-margin], [margin]])
+        x, y = np.arange(low[0], high[0] + 1.0, STEP_PX), np.arange(low[1], high[1] + 1.0, STEP_PX)
         u, v = np.meshgrid(x, y)
         ray = np.column_stack([(u.ravel() - lens.cx) / lens.fx, (v.ravel() - lens.cy) / lens.fy, np.ones(u.size)])
         ray = ray @ camera.rotation

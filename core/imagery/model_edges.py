@@ -27,6 +27,8 @@ class ModelEdges:
     """(N, 3) metres"""
     end: Vector
     """(N, 3) metres"""
+    owner: NDArray[np.int64]
+    """(P, 2) rows of edges, and of the model's elements whose edges they are: one, or several on one line."""
 
     def __len__(self) -> int:
         return len(self.start)
@@ -35,6 +37,11 @@ class ModelEdges:
     def length(self) -> Vector:
         """(N,) metres."""
         return np.asarray(np.linalg.norm(self.end - self.start, axis=1))
+
+    def owned(self, edge: NDArray[np.int64], element: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """(N,) whether an edge (N,) is one of an element (N,)."""
+        size = max(int(self.owner.max(initial=0)), int(element.max(initial=0))) + 1
+        return np.asarray(np.isin(edge * size + element, self.owner[:, 0] * size + self.owner[:, 1]) & (element >= 0))
 
 
 def sharp_edges(model: BuildingModel, *, dihedral: float = SHARPEST_FLAT, shortest: float = SHORTEST_M) -> ModelEdges:
@@ -69,7 +76,7 @@ def sharp_edges(model: BuildingModel, *, dihedral: float = SHARPEST_FLAT, shorte
     together = np.einsum("ni,ni->n", normal[face[first[shared]]], normal[face[first[shared] + 1]])
     sharp[shared] = together < math.cos(dihedral)
     kept = first[sharp]
-    return _joined(ends[kept, 0], ends[kept, 1], shortest)
+    return _joined(ends[kept, 0], ends[kept, 1], who[kept], shortest)
 
 
 def _welded(model: BuildingModel) -> NDArray[np.int64]:
@@ -78,12 +85,12 @@ def _welded(model: BuildingModel) -> NDArray[np.int64]:
     return np.asarray(number.ravel())
 
 
-def _joined(start: Vector, end: Vector, shortest: float) -> ModelEdges:
+def _joined(start: Vector, end: Vector, element: NDArray[np.int64], shortest: float) -> ModelEdges:
     """Pieces on one line that touch or overlap as one edge."""
     along = end - start
     size = np.linalg.norm(along, axis=1)
     ok = size > 1e-6
-    start, end, along = start[ok], end[ok], along[ok] / size[ok, None]
+    start, end, element, along = start[ok], end[ok], element[ok], along[ok] / size[ok, None]
     main = np.take_along_axis(along, np.abs(along).argmax(axis=1)[:, None], axis=1)
     along = along * np.sign(main)
     foot = start - along * np.einsum("ni,ni->n", along, start)[:, None]
@@ -93,19 +100,26 @@ def _joined(start: Vector, end: Vector, shortest: float) -> ModelEdges:
     t = np.sort(np.column_stack([np.einsum("ni,ni->n", along, start), np.einsum("ni,ni->n", along, end)]), axis=1)
     order = np.lexsort((t[:, 0], line))
     starts, ends = [], []
+    owners: list[tuple[int, int]] = []
+    members: set[int] = set()
     last, low, high, longest, row = -1, 0.0, 0.0, 0.0, -1
 
     def close() -> None:
         if row >= 0 and high - low >= shortest:
             starts.append(foot[row] + low * along[row])
             ends.append(foot[row] + high * along[row])
+            owners.extend((len(starts) - 1, e) for e in sorted(members))
 
     for k in order:
         if line[k] != last or t[k, 0] > high + SAME_LINE_M:
             close()
             last, low, high, longest, row = int(line[k]), float(t[k, 0]), float(t[k, 1]), 0.0, int(k)
+            members.clear()
+        members.add(int(element[k]))
         high = max(high, float(t[k, 1]))
         if t[k, 1] - t[k, 0] > longest:
             longest, row = float(t[k, 1] - t[k, 0]), int(k)
     close()
-    return ModelEdges(np.array(starts).reshape(-1, 3), np.array(ends).reshape(-1, 3))
+    return ModelEdges(
+        np.array(starts).reshape(-1, 3), np.array(ends).reshape(-1, 3), np.array(owners, dtype=np.int64).reshape(-1, 2)
+    )

@@ -46,6 +46,8 @@ AMBIGUOUS = 0.93
 """A different pose that explains this share of what the best one does makes the result ambiguous."""
 LEAST_SURE = 7
 """Lines, less one for each direction that they leave open: fewer lie on edges by chance too often."""
+MOST_RIVALS = 4
+"""So many different poses that explain about as much are looked at anew, each with the edges that it would see."""
 CHANCE_POSES, CHANCE_EDGES, MOST_BY_CHANCE = 64, 60, 0.8
 """So many poses are drawn from the coarse sigma and pulled onto the lines; if one of them explains this share of what the best
 does of the longest edges, so many lines may lie on edges by chance."""
@@ -65,6 +67,8 @@ class MatchedLine:
     """Root mean square distance of the line's ends from the projected edge, pixels."""
     crowding: float
     """How far the line may lie from the edge because others are too near to be told apart, pixels."""
+    weight: float
+    """Of the line's length and strength, see ``ImageLines.weight``."""
     test: float
     """Chi-square with two degrees."""
     kept: bool
@@ -123,7 +127,7 @@ def register_image(
     found = search_pose(before, lines, coarse, model_sigma, reach, seed)
     if found is None:
         return replace(nothing, note="No pose near the coarse one explains the lines; check the coarse pose and its sigma.")
-    pose, runner_up = found
+    pose, others = found
     known = replace(coarse, camera=pose)
     estimate: PoseEstimate | None = None
     matches: tuple[MatchedLine, ...] = ()
@@ -149,6 +153,7 @@ def register_image(
     weak = weak_directions(estimate, PosePrior(coarse.rotation_sigma, coarse.position_sigma))
     used = sum(m.kept for m in matches)
     few = used < LEAST_SURE - len(weak)
+    runner_up = _rival(viewer, after, lines, known, estimate.covariance, others, coarse, model_sigma)
     chance = 1.0 if few else _by_chance(after, lines, known, estimate.covariance, coarse, model_sigma, seed)
     note = ""
     if few:
@@ -158,6 +163,35 @@ def register_image(
     elif chance > MOST_BY_CHANCE:
         note = "A pose by chance explains the lines nearly as well; a sharper image or a better coarse pose may help."
     return ImageRegistration(coarse, estimate, matches, lines, before, after, explained, runner_up, chance, weak, note)
+
+
+def _rival(
+    viewer: EdgeViewer, edges: VisibleEdges, lines: ImageLines, found: KnownCamera, covariance: Vector,
+    others: list[tuple[float, Camera]], coarse: KnownCamera, model_sigma: float,
+) -> float:
+    """What the best different pose explains, as a share of what the ``found`` one does of the ``edges`` that it sees.
+
+    ``others`` are poses of the search, and what they explained there as a share of the best. Those that come near it are
+    judged by the edges that they would see; one that then comes to the found pose is no rival.
+    """
+    most = max((share for share, _ in others if share <= AMBIGUOUS), default=0.0)
+    best = match_lines(edges, lines, found, model_sigma)
+    near = [camera for share, camera in others if share > AMBIGUOUS][:MOST_RIVALS]
+    if best is None:
+        return 1.0 if near else most
+    explained = best[2] * float(edges.length_px.sum())
+    for camera in near:
+        seen = viewer.look(camera)
+        matched = match_lines(seen, lines, replace(coarse, camera=camera), model_sigma)
+        if matched is not None and not _is(matched[0].camera, found.camera, covariance):
+            most = max(most, matched[2] * float(seen.length_px.sum()) / explained)
+    return most
+
+
+def _is(pose: Camera, found: Camera, covariance: Vector) -> bool:
+    """Whether a pose is the ``found`` one, or differs by what its ``covariance`` (6, 6) leaves open."""
+    away = pose_difference(pose, found)
+    return _same(pose, found) or bool(away @ np.linalg.solve(covariance, away) <= FARTHEST)
 
 
 def _by_chance(
@@ -177,10 +211,7 @@ def _by_chance(
     for _ in range(CHANCE_POSES):
         camera = found.camera.moved(rng.normal(0, coarse.rotation_sigma, 3), rng.normal(0, coarse.position_sigma, 3))
         matched = match_lines(edges, lines, replace(coarse, camera=camera), model_sigma)
-        if matched is None or _same(matched[0].camera, found.camera):
-            continue
-        away = pose_difference(matched[0].camera, found.camera)
-        if away @ np.linalg.solve(covariance, away) > FARTHEST:
+        if matched is not None and not _is(matched[0].camera, found.camera, covariance):
             most = max(most, matched[2])
     return most / best[2]
 
@@ -211,8 +242,9 @@ def _candidates(allowed: NDArray[np.bool_]) -> tuple[Ints, Ints]:
 
 def search_pose(
     edges: VisibleEdges, lines: ImageLines, coarse: KnownCamera, model_sigma: float, slack: float, seed: int
-) -> tuple[Camera, float] | None:
-    """The pose near the coarse one that explains most, and what the best different pose explains of that."""
+) -> tuple[Camera, list[tuple[float, Camera]]] | None:
+    """The pose near the coarse one that explains most; others, different from it and each other, and what they explain of
+    that, the best first."""
     camera, covariance, inside = coarse.camera, _covariance(coarse), _inside(coarse.camera)
     longest = np.argsort(-edges.length_px, kind="stable")[:MOST_EDGES]
     start, end = np.ascontiguousarray(edges.start[longest]), np.ascontiguousarray(edges.end[longest])
@@ -244,8 +276,11 @@ def search_pose(
     if not poses:
         return None
     best_score, best = poses[0]
-    other = next((s for s, p in poses if not _same(p, best)), 0.0)
-    return best, other / best_score
+    others: list[tuple[float, Camera]] = []
+    for score, pose in poses:
+        if not any(_same(pose, p) for p in (best, *(p for _, p in others))):
+            others.append((score / best_score, pose))
+    return best, others
 
 
 def _same(pose: Camera, other: Camera) -> bool:
@@ -310,7 +345,7 @@ def adjust_matches(
         MatchedLine(
             edges.bearers.rows(np.array([e])), np.stack([edges.start[e], edges.end[e]]),
             np.concatenate([lines.start[k], lines.end[k]]), _distance(estimate.camera, edges, e, lines, k), float(near),
-            float(test), bool(keep),
+            float(lines.weight[k]), float(test), bool(keep),
         )
         for e, k, near, test, keep in zip(edge, line, crowded, tests, kept, strict=True)
     )

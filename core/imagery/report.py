@@ -14,8 +14,11 @@ from .overlay import overlay_pair
 
 MOST_OVERLAYS = 12
 COLUMNS = (
-    "Image", "State", "Moved cm", "Turned deg", "Sigma position mm", "Sigma rotation deg", "Lines", "Used", "Sigma 0",
-    "Edges explained", "Next best pose",
+    "Image", "State", "Moved cm", "Turned deg", "Sigma mm", "Sigma deg", "Lines", "Used", "Sigma 0", "Explained", "Next best",
+)
+COLUMN_NOTE = (
+    "Explained: share of the visible edges' length that has a line. Next best: what the best different pose explains, as a "
+    "share of that."
 )
 
 
@@ -25,7 +28,7 @@ def write_coregistration_report(folder: str | Path, result: CoregistrationResult
     states = [state_of(found) for found in result.registrations]
     placed = sum(state in ("REFINED", "PARTLY") for state in states)
     sections = [Section(
-        "Images", " ".join(f"{name}: {text}." for name, text in MEANINGS.items() if name in states),
+        "Images", " ".join([*(f"{name}: {text}." for name, text in MEANINGS.items() if name in states), COLUMN_NOTE]),
         columns=COLUMNS, rows=rows, numeric=frozenset(range(2, len(COLUMNS))),
     )]
     notes = [

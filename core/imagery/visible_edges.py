@@ -60,6 +60,7 @@ class EdgeViewer:
         self.edges, self.scene = edges, scene or RayScene(model)
         self._corner = model.vertices[model.triangles[:, 0]]
         self._meeting = MeetingEdges(model, self.scene)
+        self._kind = np.unique([e.ifc_class for e in model.elements], return_inverse=True)[1].ravel()
 
     def look(self, camera: Camera, margin: float = 0.0) -> VisibleEdges:
         """The parts seen by ``camera``, up to ``margin`` [px] outside its image, at least 25 pixels long."""
@@ -101,7 +102,7 @@ class EdgeViewer:
         good = np.flatnonzero(size >= SHORTEST_PX)
         return VisibleEdges(
             np.concatenate([begin, more_begin[good]]), np.concatenate([finish, more_end[good]]),
-            together([self._bearers(beside[sample], normal[sample]), more_bearers.rows(good)]),
+            together([self._bearers(beside[sample], normal[sample], row[chosen]), more_bearers.rows(good)]),
             np.concatenate([row[chosen], len(edges) + good]),
             np.concatenate([np.array(out_pixel).reshape(-1, 4), more_pixel[good]]),
         )
@@ -110,8 +111,7 @@ class EdgeViewer:
         """Edges that cross the view's pyramid, and the part of each inside it (shares of its length)."""
         inside = camera.interior
         a, b = camera.in_camera(self.edges.start), camera.in_camera(self.edges.end)
-        low = np.array([-margin, -margin])
-        high = np.array([inside.width - 1 + margin, inside.height - 1 + margin])
+        low, high = inside.ideal_frame + np.array([[-margin], [margin]])
         left, top = (low - [inside.cx, inside.cy]) / [inside.fx, inside.fy]
         right, bottom = (high - [inside.cx, inside.cy]) / [inside.fx, inside.fy]
         planes = np.array([[1, 0, -left], [-1, 0, right], [0, 1, -top], [0, -1, bottom], [0, 0, 1]], dtype=np.float64)
@@ -130,8 +130,9 @@ class EdgeViewer:
     def _seen(
         self, camera: Camera, place: Vector, at: Vector, aside: Vector
     ) -> tuple[NDArray[np.bool_], NDArray[np.int64], Vector]:
-        """Whether one of the surfaces beside each place (S,) is the edge's own, and the two are not one plane; the elements
-        of these surfaces (S, 2), -1 for one that does not reach the edge, and their normals (S, 2, 3)."""
+        """Whether one of the surfaces beside each place (S,) is the edge's own, and the two are not one plane of one kind of
+        element (a rafter flush with the roof shows, a wall flush with a wall does not); the elements of these surfaces
+        (S, 2), -1 for one that does not reach the edge, and their normals (S, 2, 3)."""
         inside = camera.interior
         beside, normals = [], []
         for sign in (1.0, -1.0):
@@ -149,17 +150,25 @@ class EdgeViewer:
             beside.append(np.where(known & (off < ON_PLANE_M) & near, self.scene.element[triangle], -1))
             normals.append(normal)
         element, normal = np.stack(beside, axis=1).astype(np.int64), np.stack(normals, axis=1)
-        flat = np.abs(np.einsum("ni,ni->n", normal[:, 0], normal[:, 1])) > SAME_NORMAL
-        return (element >= 0).any(axis=1) & ~((element >= 0).all(axis=1) & flat), element, normal
+        joint = (element >= 0).all(axis=1) & _flat(normal) & (self._kind[element[:, 0]] == self._kind[element[:, 1]])
+        return (element >= 0).any(axis=1) & ~joint, element, normal
 
-    @staticmethod
-    def _bearers(beside: NDArray[np.int64], normal: Vector) -> EdgeBearers:
-        """Of edges with the elements ``beside`` (N, 2) them, -1 for none."""
-        found = free_edges(beside.max(axis=1, initial=-1))
-        two = (beside >= 0).all(axis=1)
-        meeting = meeting_of(beside[two], normal[two])
-        found.element[two], found.carry[two] = meeting.element, meeting.carry
+    def _bearers(self, beside: NDArray[np.int64], normal: Vector, edge: NDArray[np.int64]) -> EdgeBearers:
+        """Of edges (N,) with the elements ``beside`` (N, 2) them, -1 for none; a joint in a plane moves with its owner."""
+        two, flat = (beside >= 0).all(axis=1), _flat(normal)
+        owned = np.column_stack([self.edges.owned(edge, beside[:, k]) for k in (0, 1)])
+        owner = np.where(owned[:, 0], beside[:, 0], beside[:, 1])
+        found = free_edges(np.where(two & flat, owner, beside.max(axis=1, initial=-1)))
+        two &= ~flat
+        meeting = meeting_of(beside[two], normal[two], edge[two], owned[two])
+        for name, value in vars(meeting).items():
+            getattr(found, name)[two] = value
         return found
+
+
+def _flat(normal: Vector) -> NDArray[np.bool_]:
+    """Whether two faces with the normals (N, 2, 3) lie in one plane, where they meet at all."""
+    return np.asarray(np.abs(np.einsum("ni,ni->n", normal[:, 0], normal[:, 1])) > SAME_NORMAL)
 
 
 def _most_common(beside: NDArray[np.int64], samples: NDArray[np.int64]) -> int:

@@ -23,7 +23,7 @@ from bim_verify.core.evidence.gather import (
     mass_parameters,
 )
 from bim_verify.core.evidence.sightings import Sightings
-from bim_verify.core.evidence.station_index import build_index, median_spacing, neighbour_angles
+from bim_verify.core.evidence.station_index import build_index, median_spacing, neighbour_angles, view_cone
 from bim_verify.core.model.on_element import ElementSurfaces
 from bim_verify.core.model.sample_surface import sample_surface
 from bim_verify.core.progress import Progress
@@ -241,6 +241,23 @@ def test_spacing_of_a_regular_grid(step_deg: float) -> None:
     direction, angle = neighbour_angles(index, len(ray))
     assert len(direction) == len(angle) > 1000 or len(direction) == len(ray)
     assert np.nanpercentile(angle, 10) == pytest.approx(step, rel=0.1)
+
+
+def test_what_lies_within_a_spacing_of_a_return_lies_within_the_cone_of_view() -> None:
+    rng = np.random.default_rng(3)
+    for width in (0.2, 0.7, 3.0):
+        returns = rng.uniform([-width, -width, 1.0], [width, width, 1.0], (500, 3)) * rng.uniform(1, 5, (500, 1))
+        index = build_index(returns)
+        axis, cosine = view_cone(index, 1.1)
+        ray = index.returns / np.linalg.norm(index.returns, axis=1, keepdims=True)
+        aside = np.cross(ray, rng.normal(size=ray.shape))
+        aside /= np.linalg.norm(aside, axis=1, keepdims=True)
+        reach = np.arcsin(1.1 * index.spacing_rad)
+        assert ((np.cos(reach) * ray + np.sin(reach) * aside) @ axis >= cosine).all()
+        assert cosine > np.cos(np.arctan(1.5 * width) + 3 * reach)
+    around = rng.normal(size=(500, 3))
+    assert view_cone(build_index(np.concatenate([around, -around])), 1.1)[1] <= -1.0
+    assert view_cone(build_index(np.zeros((0, 3)), 0.1), 1.1)[1] > 1.0
 
 
 def test_spacing_of_nothing_is_unknown() -> None:

@@ -37,6 +37,21 @@ def test_a_line_where_two_faces_meet_moves_with_both() -> None:
     assert moved[1] == pytest.approx(0.02) and slant @ moved == pytest.approx(slant @ floor)
 
 
+def test_where_an_element_ends_at_a_face_the_face_or_its_own_edge_shows() -> None:
+    wall, door = np.random.default_rng(4).normal(0, 1, (2, 200_000))
+    shows = np.maximum(wall, door)
+    normal = np.array([[[0.0, 1, 0], [1, 0, 0]]] * 2)
+    found = meeting_of(np.array([[0, 1], [0, 2]]), normal, np.array([5, 6]), np.array([[False, True]] * 2))
+    design = element_design(found, np.array([[0.0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0]]))
+    cov = design @ design.T
+    assert cov[0, 0] == pytest.approx((shows**2).mean(), rel=0.02) and cov[1, 1] == pytest.approx(1.0)
+    left = shows - 0.5 * (wall + door)
+    assert cov[0, 0] - 0.5 == pytest.approx((left**2).mean(), rel=0.02)
+    assert cov[0, 2] == pytest.approx(0.25) and cov[1, 3] == pytest.approx(0.0)
+    again = element_design(found.rows(np.array([0, 0])), np.array([[0.0, 1, 0], [1, 0, 0]] * 2))
+    assert np.allclose(again[:2], again[2:])
+
+
 def test_an_edge_of_one_element_moves_as_it_does() -> None:
     to_point = np.arange(12.0).reshape(4, 3)
     design = element_design(free_edges(np.array([3, 3])), to_point)

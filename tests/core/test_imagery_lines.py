@@ -76,6 +76,29 @@ def test_hidden_edges_and_flush_joints_are_not_seen() -> None:
     assert not (np.abs(middle[:, 0]) < 1e-3)[np.abs(seen.start[:, 2] - seen.end[:, 2]) > 0.5].any()
 
 
+def test_a_flush_joint_of_two_kinds_of_elements_is_seen_and_moves_with_the_one_whose_edge_it_is() -> None:
+    model = building_model([box("wall", (-2, 3, 0), (2, 3.2, 2)), box("post", (-0.1, 3, 0.2), (0.1, 3.4, 1.8))])
+    kinds = [replace(e, ifc_class="IfcMember" if e.name == "post" else e.ifc_class) for e in model.elements]
+    view = replace(camera(), rotation=np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), position=np.array([0.0, 0.0, 1.0]))
+    for elements, posts in ((model.elements, 0), (tuple(kinds), 4)):
+        shown = replace(model, elements=elements)
+        seen = EdgeViewer(shown, sharp_edges(shown)).look(view)
+        inner = np.abs(0.5 * (seen.start + seen.end) - [0.0, 3.0, 1.0]).max(axis=1) < 0.9
+        assert inner.sum() == posts
+        assert {shown.elements[e].name for e in np.unique(seen.bearers.element[inner])} == ({"post"} if posts else set())
+
+
+def test_edges_reach_as_far_as_a_barrel_lens_shows() -> None:
+    model = building_model([box("beam", (-9, 3, 0.9), (9, 3.2, 1.1))])
+    turned = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    for lens in (STRAIGHT, BENT):
+        view = replace(camera(), interior=lens, rotation=turned, position=np.array([0.0, 0.0, 1.0]))
+        seen = EdgeViewer(model, sharp_edges(model)).look(view)
+        assert len(seen) >= 2
+        shown = lens.distort(seen.pixel.reshape(-1, 2)).reshape(-1, 4)
+        assert (shown[:, [0, 2]].min(axis=1) < 6).all() and (shown[:, [0, 2]].max(axis=1) > lens.width - 7).all()
+
+
 def test_a_room_shows_its_edges() -> None:
     model = room()
     seen = EdgeViewer(model, sharp_edges(model)).look(camera())
