@@ -7,13 +7,16 @@ from __future__ import annotations
 
 import threading
 import uuid
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ..core.model.elements import BuildingModel
     from ..core.results import AlignmentRecord, VerificationResult
 
+Edit = Callable[["Any"], object]
+"""Puts what a step found into an open ``ifcopenshell.file``."""
 RESULTS_KEPT = 3
 """Results are large; undo steps farther back ask to verify again."""
 
@@ -36,6 +39,8 @@ class Session:
     """Scene name -> model."""
     results: dict[str, VerificationResult] = field(default_factory=dict)
     """``scene.bim_verify.result_key`` -> result, so that undo in Blender brings the earlier one back."""
+    edits: dict[str, tuple[str, Edit]] = field(default_factory=dict)
+    """``scene.bim_verify.edits[...].key`` -> the operator, and what it has to write into the model."""
     alignments: dict[str, AlignmentRecord] = field(default_factory=dict)
     job: RunningJob | None = None
     ending: threading.Thread | None = None
@@ -49,10 +54,20 @@ class Session:
             del self.results[next(iter(self.results))]
         return key
 
+    def keep_edit(self, name: str, edit: Edit) -> str:
+        """The same for what an operator has to write into the model."""
+        key = uuid.uuid4().hex
+        self.edits[key] = name, edit
+        own = [k for k, (of, _) in self.edits.items() if of == name]
+        for old in own[:-RESULTS_KEPT]:
+            del self.edits[old]
+        return key
+
     def clear(self) -> None:
         """Forget everything (another file was opened, or the extension was disabled)."""
         self.models.clear()
         self.results.clear()
+        self.edits.clear()
         self.alignments.clear()
         self.job = None
 

@@ -15,7 +15,7 @@ from ...core.errors import BimVerifyError
 from ...core.files import whole_file
 from ...core.options import ReconstructOptions
 from ...core.progress import Progress
-from .. import bonsai, project
+from .. import bonsai, inputs, project
 from ..jobs import Work
 from .file_browser import FileJob, has_scans, idle
 from .import_ifc import adopt_model
@@ -72,9 +72,7 @@ class BIMVERIFY_OT_reconstruct(FileJob[Made], bpy.types.Operator):
         if not self.filepath:
             raise BimVerifyError("No file name was given. Choose where to write the IFC file.")
         path, paths = Path(bpy.path.abspath(self.filepath)).with_suffix(".ifc"), project.scan_paths(settings)
-        model = project.model_path(settings)
-        if path.resolve() in {Path(p).resolve() for p in (*paths, *([model] if model else []))}:
-            raise BimVerifyError(f"{path} is an input, which is never written to. Give another name.")
+        inputs.refuse(context.scene, path)
         common = project.options(settings)
         options = ReconstructOptions(
             sigma=common.sigma, scan_frame=common.scan_frame, origin=common.origin, threads=common.threads,

@@ -41,8 +41,7 @@ class BIMVERIFY_OT_update_model(ResultFile, bpy.types.Operator):
         return super().finish(context, value)
 
     def writer(self, context: bpy.types.Context) -> Write:
-        from ...core.model.decisions import apply_decisions
-        from ...core.model.write_psets import apply_psets, write_ifc_copy
+        from ...core.model.write_psets import write_ifc_copy, write_verdicts
         from ...core.update.update import update_file, update_lines
 
         folder, copy = bonsai.live_copy() or (nullcontext(), None)
@@ -51,8 +50,7 @@ class BIMVERIFY_OT_update_model(ResultFile, bpy.types.Operator):
             said: list[str] = []
 
             def change(file: Any) -> bool:
-                apply_psets(file, result, progress=progress)
-                apply_decisions(file, result.decisions)
+                write_verdicts(file, result, progress=progress)
                 said.extend(update_lines(update_file(file)))
                 return True
 
