@@ -11,7 +11,7 @@ from bpy.props import BoolProperty, StringProperty
 
 from ...core.files import whole_file
 from ...core.progress import Progress
-from .. import bonsai, ifc_edits, project
+from .. import bonsai, ifc_edits, project, verdicts
 from .file_browser import has_result, idle
 from .result_file import ResultFile, Write
 
@@ -49,12 +49,13 @@ class BIMVERIFY_OT_export_ifc(ResultFile, bpy.types.Operator):
         live = bonsai.live_copy()
         if live is None:
             edits, source = ifc_edits.kept(context.scene), project.model_path(context.scene.bim_verify)
+            back = verdicts.taken_back(context.scene)
 
             def write(result: VerificationResult | None, path: Path, progress: Progress) -> str:
                 progress.update(0.0, "Writing the property sets")
 
                 def add(file: Any) -> bool:
-                    found = [write_verdicts(file, result)] if result is not None else []
+                    found = [write_verdicts(file, result, taken_back=back)] if result is not None else []
                     return any([*found, *(edit(file) for edit in edits)])
 
                 write_ifc_copy(result.model.path if result is not None else source, path, add)

@@ -10,7 +10,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from ...core.progress import Progress
-from .. import bonsai
+from .. import bonsai, verdicts
 from .result_file import ResultFile, Write
 
 if TYPE_CHECKING:
@@ -45,12 +45,13 @@ class BIMVERIFY_OT_update_model(ResultFile, bpy.types.Operator):
         from ...core.update.update import update_file, update_lines
 
         folder, copy = bonsai.live_copy() or (nullcontext(), None)
+        back = verdicts.taken_back(context.scene)
 
         def write(result: VerificationResult, path: Path, progress: Progress) -> str:
             said: list[str] = []
 
             def change(file: Any) -> bool:
-                write_verdicts(file, result, progress=progress)
+                write_verdicts(file, result, taken_back=back, progress=progress)
                 said.extend(update_lines(update_file(file)))
                 return True
 

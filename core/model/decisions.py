@@ -13,7 +13,7 @@ from typing import Any
 
 from ..errors import BimVerifyError
 from ..files import whole_file
-from ..results import STATUSES, Decision, VerificationResult
+from ..results import STATUSES, Decision
 from .load import open_ifc
 from .write_psets import LONGEST_LABEL, element_by_id, own_set, plain_values, require_owner
 from .write_psets import PSET_NAME as VERIFICATION
@@ -64,14 +64,6 @@ def apply_decisions(file: Any, decisions: Mapping[str, Decision]) -> int:
             pset = ifcopenshell.api.pset.add_pset(file, product=product, name=PSET_NAME)
         ifcopenshell.api.pset.edit_pset(file, pset=pset, properties=_properties(file, decision), should_purge=True)
     return found
-
-
-def keep_decisions(file: Any, result: VerificationResult) -> None:
-    """Let an open file hold the decisions of ``result``, and none on its other elements: those were taken back."""
-    for verdict in result.verdicts:
-        if verdict.global_id not in result.decisions:
-            remove_decision(file, verdict.global_id)
-    apply_decisions(file, result.decisions)
 
 
 def remove_decision(file: Any, global_id: str) -> None:
