@@ -80,8 +80,7 @@ def forget(target: bpy.types.Scene) -> None:
 
 
 def _remove_voxels(target: bpy.types.Scene) -> None:
-    for old in [item for item in target.objects if VOXEL_KEY in item]:
-        scene.remove(old)
+    scene.remove(*(item for item in target.objects if VOXEL_KEY in item))
 
 
 def state_now(item: bpy.types.Object) -> str:

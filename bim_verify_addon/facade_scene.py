@@ -108,8 +108,7 @@ def read_mockup(target: bpy.types.Scene) -> Mockup:
 
 def clear(target: bpy.types.Scene) -> None:
     """Take away what stands for facades."""
-    for item in [i for i in target.objects if BOX_KEY in i or PHOTO_KEY in i]:
-        scene.remove(item)
+    scene.remove(*(item for item in target.objects if BOX_KEY in item or PHOTO_KEY in item))
 
 
 def show(target: bpy.types.Scene, result: object) -> bool:

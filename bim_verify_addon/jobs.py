@@ -15,6 +15,7 @@ import bpy
 
 from ..core.errors import BimVerifyError, Cancelled
 from ..core.progress import Progress
+from .scene import leave_edit_mode
 from .session import SESSION, RunningJob
 
 T = TypeVar("T")
@@ -108,7 +109,7 @@ class Job(Generic[T]):
             work = self.prepare(context)
         except Exception as error:
             return self._failed(error)
-        self._worker = Worker(self.title, work)
+        self._worker, self._scene = Worker(self.title, work), context.scene
         SESSION.job = self._worker.job
         self._timer = context.window_manager.event_timer_add(TICK_S, window=context.window)
         context.window_manager.modal_handler_add(self)
@@ -128,7 +129,16 @@ class Job(Generic[T]):
             return {"PASS_THROUGH"}
         self._close(context)
         outcome = self._worker.outcome
-        return self._failed(outcome) if isinstance(outcome, BaseException) else self._finished(context, outcome)
+        if isinstance(outcome, BaseException):
+            return self._failed(outcome)
+        try:
+            layer = self._scene.view_layers[0]
+        except ReferenceError:
+            return self._failed(BimVerifyError(f"{self.title}: its scene was deleted meanwhile, so its result was dropped."))
+        if context.scene == self._scene:
+            return self._finished(context, outcome)
+        with context.temp_override(scene=self._scene, view_layer=layer):
+            return self._finished(bpy.context, outcome)
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender ends the operator (another file is opened, Blender quits)."""
@@ -153,6 +163,7 @@ class Job(Generic[T]):
 
     def _finished(self, context: bpy.types.Context, value: Any) -> set[str]:
         try:
+            leave_edit_mode(context)
             message = self.finish(context, value)
         except Exception as error:
             return self._failed(error)

@@ -34,6 +34,7 @@ def refresh(scene: bpy.types.Scene) -> None:
 
 def recolor(scene: bpy.types.Scene) -> None:
     """Colour every element from what is stored on it; one that nothing is known of is grey if it was coloured before."""
+    scenery.leave_edit_mode(bpy.context)
     mode = MODES[scene.bim_verify.color_mode]
     for item in scenery.element_objects(scene).values():
         if mode.known(item) or scenery.COLOR in item.data.attributes:

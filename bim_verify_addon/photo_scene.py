@@ -88,8 +88,7 @@ def _note(found: ImageRegistration) -> str:
 
 def clear(target: bpy.types.Scene) -> None:
     """Take away what stands for photos."""
-    for item in [i for i in target.objects if PHOTO_KEY in i]:
-        scene.remove(item)
+    scene.remove(*(item for item in target.objects if PHOTO_KEY in item))
 
 
 def show(target: bpy.types.Scene, result: object) -> bool:

@@ -127,6 +127,14 @@ class BimVerifyElement(bpy.types.PropertyGroup):
     decision_reason: StringProperty(name="Reason")
     decided_by: StringProperty(name="Decided by")
     decided_on: StringProperty(name="Decided on")
+    taken_back: BoolProperty(name="Taken back", description="A decision in the file no longer counts")
+
+
+class BimVerifyEdit(bpy.types.PropertyGroup):
+    """What a step found for the IFC file."""
+
+    step: StringProperty(name="Step", description="The operator")
+    key: StringProperty(name="Key", description="Names it in memory; undo brings an earlier one back")
 
 
 class BimVerifySettings(bpy.types.PropertyGroup):
@@ -235,6 +243,7 @@ class BimVerifySettings(bpy.types.PropertyGroup):
     counts: CollectionProperty(type=BimVerifyCount)
     has_findings: BoolProperty(description="Something is known of an element that colours can show")
     overruled: IntProperty(description="Number of verdicts that a person overruled")
+    edits: CollectionProperty(type=BimVerifyEdit)
     result_key: StringProperty(description="Names the result in memory; undo brings an earlier one back")
     verified_model: StringProperty(description="SHA-256 of the model that the verdicts are on")
     result_summary: StringProperty()
@@ -243,7 +252,7 @@ class BimVerifySettings(bpy.types.PropertyGroup):
     exported_path: StringProperty()
 
 
-CLASSES = (BimVerifyScan, BimVerifyCount, BimVerifyElement, BimVerifySettings)
+CLASSES = (BimVerifyScan, BimVerifyCount, BimVerifyElement, BimVerifyEdit, BimVerifySettings)
 OWNERS = ((bpy.types.Scene, "settings"), (bpy.types.Object, "element"))
 """What carries the property groups of the capabilities, and under which field of ``Capability`` they stand."""
 

@@ -18,6 +18,8 @@ from .surface_grid import Display, second_sides
 ROOT = "BIM Verify"
 SCANS = "Scans"
 GUID_KEY = "GlobalId"
+SECOND_KEY = "bim_verify_element"
+"""On the object of an element whose GlobalId another one has as well: its name among ``element_objects``."""
 PLACE_KEY = "bim_verify_collection"
 """On each collection that we make: its path below the root, since Blender may have renamed it."""
 SCAN_KEY = "bim_verify_scan"
@@ -45,8 +47,19 @@ PLAIN_FIELDS = (
 
 
 def element_objects(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
-    """GlobalId -> the object that we made for it (never one of Bonsai's)."""
-    return {item[GUID_KEY]: item for item in scene.objects if GUID_KEY in item and frame.ORIGIN_KEY in item}
+    """GlobalId -> the object that we made for it (never one of Bonsai's); a second element with the same one: ``keys``."""
+    ours = (item for item in scene.objects if GUID_KEY in item and frame.ORIGIN_KEY in item)
+    return {item.get(SECOND_KEY) or item[GUID_KEY]: item for item in ours}
+
+
+def keys(model: BuildingModel) -> list[str]:
+    """What ``element_objects`` calls each element: its GlobalId, with the STEP id where an element before it has the same."""
+    known: set[str] = set()
+    found = []
+    for element in model.elements:
+        found.append(f"{element.global_id} #{element.step_id}" if element.global_id in known else element.global_id)
+        known.add(element.global_id)
+    return found
 
 
 def scan_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
@@ -59,20 +72,19 @@ def show_model(scene: bpy.types.Scene, model: BuildingModel) -> None:
     place = frame.stored(scene) or frame.ViewFrame()
     existing = element_objects(scene)
     start, second = model.triangle_start, second_sides(model)
-    for index, element in enumerate(model.elements):
+    for index, (key, element) in enumerate(zip(keys(model), model.elements, strict=True)):
         own = slice(start[index], start[index + 1])
         triangles = model.triangles[own][~second[own]]
         used, corner = np.unique(triangles, return_inverse=True)
-        mesh = _mesh(object_name(element), model.vertices[used], corner.reshape(-1, 3))
-        _put_element(scene, existing.pop(element.global_id, None), element, mesh, model.origin, place)
-    for item in existing.values():
-        remove(item)
+        surface = model.vertices[used], corner.reshape(-1, 3)
+        _put_element(scene, existing.pop(key, None), key, element, surface, model.origin, place)
+    remove(*existing.values())
 
 
 def objects_of(scene: bpy.types.Scene, model: BuildingModel) -> dict[str, bpy.types.Object]:
     """GlobalId -> object of every element; the model is shown where one is missing."""
     existing = element_objects(scene)
-    if any(element.global_id not in existing for element in model.elements):
+    if any(key not in existing for key in keys(model)):
         show_model(scene, model)
         existing = element_objects(scene)
     return existing
@@ -88,17 +100,18 @@ def show_result(
     place = frame.stored(scene) or frame.ViewFrame()
     existing = element_objects(scene)
     grid, values = display.grid, display.values
-    for index, (element, verdict) in enumerate(zip(result.model.elements, result.verdicts, strict=True)):
+    rows = zip(keys(result.model), result.model.elements, result.verdicts, strict=True)
+    for index, (key, element, verdict) in enumerate(rows):
         if only is not None and element.global_id not in only:
             continue
         at = slice(grid.vertex_start[index], grid.vertex_start[index + 1])
         of = slice(grid.triangle_start[index], grid.triangle_start[index + 1])
-        mesh = _mesh(object_name(element), grid.vertices[at], grid.triangles[of] - at.start)
-        set_attribute(mesh, OCCUPIED, "FLOAT", values.occupied[at])
-        set_attribute(mesh, EMPTY, "FLOAT", values.empty[at])
-        set_attribute(mesh, UNKNOWN, "FLOAT", values.unknown[at])
-        set_attribute(mesh, DEVIATION, "FLOAT", values.deviation[at])
-        item = _put_element(scene, existing.get(element.global_id), element, mesh, result.model.origin, place)
+        surface = grid.vertices[at], grid.triangles[of] - at.start
+        item = _put_element(scene, existing.get(key), key, element, surface, result.model.origin, place)
+        set_attribute(item.data, OCCUPIED, "FLOAT", values.occupied[at])
+        set_attribute(item.data, EMPTY, "FLOAT", values.empty[at])
+        set_attribute(item.data, UNKNOWN, "FLOAT", values.unknown[at])
+        set_attribute(item.data, DEVIATION, "FLOAT", values.deviation[at])
         _store_verdict(item, verdict)
     _store_summary(scene, result)
 
@@ -137,8 +150,7 @@ def show_scan(
 
 def remove_scan(scene: bpy.types.Scene, path: str) -> None:
     """Remove the display cloud of this file."""
-    for old in [item for item in scan_objects(scene) if item[SCAN_KEY] == path]:
-        remove(old)
+    remove(*(item for item in scan_objects(scene) if item[SCAN_KEY] == path))
 
 
 def move_scans(scene: bpy.types.Scene, transform: NDArray[np.float64]) -> None:
@@ -188,6 +200,12 @@ def collection(scene: bpy.types.Scene, *path: str) -> bpy.types.Collection:
     return parent
 
 
+def leave_edit_mode(context: bpy.types.Context) -> None:
+    """Attributes of a mesh that is being edited cannot be written, and an edit that goes on would undo what is put there."""
+    if context.mode != "OBJECT" and bpy.ops.object.mode_set.poll():
+        bpy.ops.object.mode_set(mode="OBJECT")
+
+
 def set_attribute(mesh: bpy.types.Mesh, name: str, kind: str, values: NDArray[np.generic]) -> None:
     """Write a per-vertex attribute of type INT, FLOAT ((V,)) or FLOAT_COLOR ((V, 4) linear)."""
     attribute = mesh.attributes.get(name) or mesh.attributes.new(name, kind, "POINT")
@@ -201,38 +219,58 @@ def object_name(element: Element) -> str:
     return f"{element.ifc_class}/{element.name or 'Unnamed'}"
 
 
-def _mesh(name: str, vertices: NDArray[np.float64], triangles: NDArray[np.integer]) -> bpy.types.Mesh:
-    """A mesh around its own middle; the middle (local frame) is left on it for ``_put_element``."""
-    middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0)) if len(vertices) else np.zeros(3)
-    mesh = bpy.data.meshes.new(name)
+def fill(mesh: bpy.types.Mesh, vertices: NDArray[np.float64], triangles: NDArray[np.integer]) -> None:
+    """Give a mesh this surface, (V, 3) metres in its object's frame and (T, 3) rows of them.
+
+    It is filled anew and not replaced: Blender goes through the whole file for each mesh that is removed. What other
+    capabilities know of its vertices stays, if they are the same ones.
+    """
+    kept = _values(mesh) if (len(mesh.vertices), len(mesh.polygons)) == (len(vertices), len(triangles)) else {}
+    mesh.clear_geometry()
+    mesh.materials.clear()
     mesh.vertices.add(len(vertices))
-    mesh.attributes["position"].data.foreach_set("vector", (vertices - middle).astype(np.float32).ravel())
+    mesh.attributes["position"].data.foreach_set("vector", vertices.astype(np.float32).ravel())
     mesh.loops.add(3 * len(triangles))
     mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(triangles, dtype=np.int32).ravel())
     mesh.polygons.add(len(triangles))
     mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * len(triangles), 3, dtype=np.int32))
     mesh.polygons.foreach_set("use_smooth", np.zeros(len(triangles), dtype=np.bool_))
     mesh.update(calc_edges=True)
-    mesh[frame.ORIGIN_KEY] = [float(v) for v in middle]
-    return mesh
+    for name, values in kept.items():
+        set_attribute(mesh, name, "FLOAT", values)
+
+
+def _values(mesh: bpy.types.Mesh) -> dict[str, NDArray[np.float32]]:
+    """Our numbers on its vertices."""
+    found = {}
+    for attribute in mesh.attributes:
+        if attribute.name.startswith(OURS) and attribute.data_type == "FLOAT":
+            found[attribute.name] = np.empty(len(mesh.vertices), dtype=np.float32)
+            attribute.data.foreach_get("value", found[attribute.name])
+    return found
 
 
 def _put_element(
     scene: bpy.types.Scene,
     item: bpy.types.Object | None,
+    key: str,
     element: Element,
-    mesh: bpy.types.Mesh,
+    surface: tuple[NDArray[np.float64], NDArray[np.integer]],
     origin: NDArray[np.float64],
     place: frame.ViewFrame,
 ) -> bpy.types.Object:
     if item is None:
-        item = bpy.data.objects.new(object_name(element), mesh)
+        item = bpy.data.objects.new(object_name(element), bpy.data.meshes.new(object_name(element)))
         item[GUID_KEY] = element.global_id
+        if key != element.global_id:
+            item[SECOND_KEY] = key
         collection(scene, element.storey).objects.link(item)
     else:
-        replace_mesh(item, mesh)
-        mesh.name = object_name(element)
-    item[frame.ORIGIN_KEY] = [float(v) for v in origin + np.array(mesh.pop(frame.ORIGIN_KEY)[:])]
+        item.data.name = object_name(element)
+    vertices, triangles = surface
+    middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0)) if len(vertices) else np.zeros(3)
+    fill(item.data, vertices - middle, triangles)
+    item[frame.ORIGIN_KEY] = [float(v) for v in origin + middle]
     frame.place(item, place)
     item.bim_verify.ifc_class = element.ifc_class
     item.bim_verify.element_name = element.name
@@ -240,27 +278,11 @@ def _put_element(
     return item
 
 
-def replace_mesh(item: bpy.types.Object, mesh: bpy.types.Mesh) -> None:
-    """Give an element a new mesh. What other capabilities know of its vertices stays, if they are the same ones."""
-    old, item.data = item.data, mesh
-    if len(old.vertices) == len(mesh.vertices) and len(old.polygons) == len(mesh.polygons):
-        values = np.empty(len(mesh.vertices), dtype=np.float32)
-        for attribute in old.attributes:
-            if attribute.name.startswith(OURS) and attribute.data_type == "FLOAT" and attribute.name not in mesh.attributes:
-                attribute.data.foreach_get("value", values)
-                set_attribute(mesh, attribute.name, "FLOAT", values)
-    if old.users == 0:
-        bpy.data.meshes.remove(old)
-
-
-def remove(item: bpy.types.Object) -> None:
-    """Remove an object, and its mesh or camera if nothing else has it."""
-    data = item.data
-    bpy.data.objects.remove(item)
-    if isinstance(data, bpy.types.Mesh) and data.users == 0:
-        bpy.data.meshes.remove(data)
-    elif isinstance(data, bpy.types.Camera) and data.users == 0:
-        bpy.data.cameras.remove(data)
+def remove(*items: bpy.types.Object) -> None:
+    """Remove objects, and their meshes and cameras if nothing else has them."""
+    data = {item.data for item in items if isinstance(item.data, (bpy.types.Mesh, bpy.types.Camera))}
+    bpy.data.batch_remove(items)
+    bpy.data.batch_remove([block for block in data if block.users == 0])
 
 
 def make_active_color(mesh: bpy.types.Mesh) -> None:

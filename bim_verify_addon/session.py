@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import threading
 import uuid
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from ..core.change.results import ChangeResult
@@ -16,10 +17,14 @@ if TYPE_CHECKING:
     from ..core.results import AlignmentRecord, VerificationResult
 
 T = TypeVar("T")
+Edit = Callable[["Any"], object]
+"""Puts what a step found into an open ``ifcopenshell.file``."""
 RESULTS_KEPT = 3
 """Results are large; undo steps farther back ask to verify again."""
 COMPARISONS_KEPT = 1
 """Their voxels can fill gigabytes."""
+EDITS_KEPT = 16
+"""One an operator, over all scenes."""
 
 
 @dataclass
@@ -50,6 +55,8 @@ class Session:
     """``scene.bim_verify.result_key`` -> result, so that undo in Blender brings the earlier one back."""
     comparisons: dict[str, ChangeResult] = field(default_factory=dict)
     """``scene.bim_verify_change.result_key`` -> comparison."""
+    edits: dict[str, tuple[str, Edit]] = field(default_factory=dict)
+    """``scene.bim_verify.edits[...].key`` -> the operator, and what it has to write into the model."""
     alignments: dict[str, AlignmentRecord] = field(default_factory=dict)
     job: RunningJob | None = None
     ending: threading.Thread | None = None
@@ -63,11 +70,17 @@ class Session:
         """The same for a comparison."""
         return _keep(self.comparisons, result, COMPARISONS_KEPT)
 
+    def keep_edit(self, name: str, edit: Edit) -> str:
+        """The same for what an operator has to write into the model; its latest only, since it may hold a comparison."""
+        self.edits = {key: kept for key, kept in self.edits.items() if kept[0] != name}
+        return _keep(self.edits, (name, edit), EDITS_KEPT)
+
     def clear(self) -> None:
         """Forget everything (another file was opened, or the extension was disabled)."""
         self.models.clear()
         self.results.clear()
         self.comparisons.clear()
+        self.edits.clear()
         self.alignments.clear()
         self.job = None
 

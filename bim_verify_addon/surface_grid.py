@@ -19,8 +19,8 @@ VERTICES_PER_CELL = 4.5
 """Vertices that bisection leaves per square of the allowed edge (measured; the halves of a right triangle make 4)."""
 VERTICES_ALONG = 6.0
 """The same per allowed edge along a triangle much narrower than it."""
-COARSEST_M = 0.25
-"""Whatever the budget: a coarser grid would not show where on an element something is wrong."""
+COARSE_M = 0.25
+"""A coarser grid hardly shows where on an element something is wrong; a note says that there is one."""
 FEWEST_CELLS = 200
 """A small element gets at least about this many cells, so that its pattern is more than one colour."""
 SIDES_APART_M = 5e-4
@@ -64,6 +64,8 @@ class Display:
 
     grid: SurfaceGrid
     values: GridValues
+    note: str = ""
+    """What a person should know of how it is shown."""
 
 
 def make_display(result: VerificationResult, budget: int, progress: Progress | None = None) -> Display:
@@ -73,7 +75,19 @@ def make_display(result: VerificationResult, budget: int, progress: Progress | N
     edge = edge_lengths(result.model, result.options.sample_spacing, budget)
     grid = build_grid(result.model, edge, progress.part(0.0, 0.3))
     values = interpolate(grid, result.samples, result.evidence, progress.part(0.3, 1.0))
-    return Display(replace(grid, vertices=_sides_apart(result.model, grid)), values)
+    _follow_the_shift(result, grid, values)
+    coarse = f"The colours of a surface are up to {edge.max():.1f} m apart: raise 'Result vertices' in the expert settings."
+    shown = replace(grid, vertices=_sides_apart(result.model, grid))
+    return Display(shown, values, coarse if edge.max() > COARSE_M else "")
+
+
+def _follow_the_shift(result: VerificationResult, grid: SurfaceGrid, values: GridValues) -> None:
+    """Where nothing was measured on an element that was found elsewhere, its deviation is that of its shift."""
+    for row, verdict in enumerate(result.verdicts):
+        if verdict.status == "DEVIATING" and verdict.significant and verdict.displacement_vector is not None:
+            at = slice(grid.vertex_start[row], grid.vertex_start[row + 1])
+            shift = (grid.normal[at] @ np.array(verdict.displacement_vector)).astype(np.float32)
+            values.deviation[at] = np.where(np.isnan(values.deviation[at]), shift, values.deviation[at])
 
 
 def edge_lengths(model: BuildingModel, spacing: float, budget: int) -> NDArray[np.float64]:
@@ -90,7 +104,7 @@ def edge_lengths(model: BuildingModel, spacing: float, budget: int) -> NDArray[n
         edge = np.clip(fine, common / 3.0, common)
         own = edge[model.triangle_element]
         vertices = np.maximum(1.0, np.maximum(VERTICES_PER_CELL * area / own**2, VERTICES_ALONG * longest / own))
-        if vertices.sum() <= budget or common >= COARSEST_M:
+        if vertices.sum() <= budget or common >= longest.max():
             return edge
         common *= 1.1
 

@@ -101,18 +101,17 @@ def show_quality(target: bpy.types.Scene, result: QualityResult, display: Survey
 
     existing = scene.objects_of(target, result.model)
     grid = display.grid
-    for index, element in enumerate(result.model.elements):
-        item = existing.get(element.global_id)
+    for index, key in enumerate(scene.keys(result.model)):
+        item = existing.get(key)
         if item is None:
             continue
         at = slice(int(grid.vertex_start[index]), int(grid.vertex_start[index + 1]))
         of = slice(int(grid.triangle_start[index]), int(grid.triangle_start[index + 1]))
         middle = np.array(item[frame.ORIGIN_KEY][:]) - result.model.origin
-        mesh = _mesh(scene.object_name(element), grid.vertices[at] - middle, grid.triangles[of] - at.start)
-        scene.set_attribute(mesh, CAUSE, "FLOAT", display.cause[at])
-        scene.set_attribute(mesh, COVERED, "FLOAT", display.covered[at])
-        scene.set_attribute(mesh, SPACING, "FLOAT", display.spacing[at])
-        scene.replace_mesh(item, mesh)
+        scene.fill(item.data, grid.vertices[at] - middle, grid.triangles[of] - at.start)
+        scene.set_attribute(item.data, CAUSE, "FLOAT", display.cause[at])
+        scene.set_attribute(item.data, COVERED, "FLOAT", display.covered[at])
+        scene.set_attribute(item.data, SPACING, "FLOAT", display.spacing[at])
         quality = result.elements[index]
         item["bim_verify_coverage"] = quality.measured.coverage
         item["bim_verify_gsa_level"] = quality.gsa_level
@@ -141,8 +140,7 @@ def show_stations(target: bpy.types.Scene, markers: Sequence[Marker], *, planned
 
     A marker is a double cone at the scanner's centre: below it, what the scanner cannot see.
     """
-    for old in [item for item in target.objects if STATION_KEY in item and bool(item.get("planned")) == planned]:
-        scene.remove(old)
+    scene.remove(*(i for i in target.objects if STATION_KEY in i and bool(i.get("planned")) == planned))
     place = frame.stored(target) or frame.ViewFrame()
     for marker in markers:
         item = bpy.data.objects.new(marker.name, _cone(marker))
@@ -189,16 +187,6 @@ def _cone(marker: Marker) -> bpy.types.Mesh:
     sides = np.column_stack([np.zeros(CONE_SIDES, np.int64), 1 + np.arange(CONE_SIDES), 1 + after])
     first = 1 + CONE_SIDES
     ball = first + np.array([[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]])
-    return _mesh(marker.name, vertices, np.concatenate([sides, ball]))
-
-
-def _mesh(name: str, vertices: NDArray[np.float64], triangles: NDArray[np.integer]) -> bpy.types.Mesh:
-    mesh = bpy.data.meshes.new(name)
-    mesh.vertices.add(len(vertices))
-    mesh.attributes["position"].data.foreach_set("vector", vertices.astype(np.float32).ravel())
-    mesh.loops.add(3 * len(triangles))
-    mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(triangles, dtype=np.int32).ravel())
-    mesh.polygons.add(len(triangles))
-    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * len(triangles), 3, dtype=np.int32))
-    mesh.update(calc_edges=True)
+    mesh = bpy.data.meshes.new(marker.name)
+    scene.fill(mesh, vertices, np.concatenate([sides, ball]))
     return mesh

@@ -40,9 +40,21 @@ def decisions(scene: bpy.types.Scene) -> dict[str, Decision]:
     return found
 
 
+def taken_back(scene: bpy.types.Scene) -> set[str]:
+    """GlobalIds of the elements of which a person took a decision back: one that a file still holds does not count."""
+    return {g for g, item in scenery.element_objects(scene).items() if item.bim_verify.taken_back}
+
+
+def take_back(item: bpy.types.Object) -> None:
+    """The computed verdict holds again, whatever the model's file says."""
+    item.bim_verify.taken_back = True
+    store(item, None)
+
+
 def store(item: bpy.types.Object, decision: Decision | None) -> None:
-    """Put a decision on an element's object; None takes it back."""
+    """Put a decision, or that there is none, on an element's object."""
     stored = item.bim_verify
+    stored.taken_back = stored.taken_back and decision is None
     stored.decided_status = decision.status if decision else ""
     stored.decision_reason = decision.reason if decision else ""
     stored.decided_by = decision.author if decision else ""

@@ -47,8 +47,7 @@ def show_displacement(target: bpy.types.Scene, result: DisplacementResult) -> st
 
 def forget(target: bpy.types.Scene) -> None:
     """Remove the wall."""
-    for item in columns(target):
-        scene.remove(item)
+    scene.remove(*columns(target))
     for key in (SUMMARY_KEY, LIMIT_KEY):
         target.pop(key, None)
 

@@ -9,8 +9,10 @@ from ..step_parts import MAIN_HEIGHT, missing, reached
 
 
 def _state(scene: bpy.types.Scene) -> StepState:
-    summary = scene.bim_verify.alignment_summary
-    return reached(summary, "Optional: scans are taken as they are", missing(scene))
+    settings = scene.bim_verify
+    aligns = settings.align != "none"
+    way = f"Verify aligns the scans first: {settings.align}" if aligns else "Optional: scans are taken as they are"
+    return reached(settings.alignment_summary, way, missing(scene))
 
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .. import bonsai, verdicts
+from .. import bonsai, ifc_edits, verdicts
 from ..capability import Capability, Step, StepState
 from ..session import SESSION
 from ..step_parts import main_button
@@ -14,7 +14,7 @@ def _state(scene: bpy.types.Scene) -> StepState:
     settings = scene.bim_verify
     if settings.exported_path:
         return StepState(True, f"Written: {settings.exported_path}")
-    if settings.result_key in SESSION.results:
+    if settings.result_key in SESSION.results or ifc_edits.kept(scene):
         in_bonsai = bonsai.live_file() is not None
         return StepState(in_bonsai, "In Bonsai's project: save it there" if in_bonsai else "Ready")
     return StepState(False, "Verify again in this session" if verdicts.verified(scene) else "Needs a result")

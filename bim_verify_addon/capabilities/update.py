@@ -50,8 +50,7 @@ def _numbers(item: bpy.types.Object) -> list[tuple[str, str]]:
 
 def _forget(scene: bpy.types.Scene) -> None:
     scene.bim_verify_update.summary = ""
-    for item in [i for i in scene.objects if update_scene.PLANNED_KEY in i]:
-        scenery.remove(item)
+    scenery.remove(*(item for item in scene.objects if update_scene.PLANNED_KEY in item))
     for item in scenery.element_objects(scene).values():
         for key in (update_scene.KIND_KEY, update_scene.SHIFT_KEY):
             item.pop(key, None)

@@ -100,7 +100,7 @@ MODES: tuple[Mode, ...] = (
     ramp(
         "DEVIATION",
         "Deviation",
-        "Signed distance of the scan from the planned surface, along its outward normal",
+        "Signed distance of the scan from the planned surface, along its outward normal; of moved elements, the shift",
         "bv_deviation",
         unit="mm",
         span=_deviation_range,
@@ -129,6 +129,7 @@ def _numbers(item: bpy.types.Object) -> list[tuple[str, str]]:
     if verdict.displacement == verdict.displacement:
         shift += f" ± {millimetres(1.96 * verdict.displacement_sigma)}"
         shift += ", significant" if verdict.significant else ", not significant"
+    place = " at its planned place" if verdict.status == "DEVIATING" else ""
     confirmed = dict(zip(LEVELS, verdict.confirmed_ratio, strict=True))[int(verdict.required_loa.removeprefix("LOA"))]
     decided = []
     if verdict.decided_status:
@@ -140,12 +141,12 @@ def _numbers(item: bpy.types.Object) -> list[tuple[str, str]]:
         *decided,
         ("Verdict", palette.STATUS_LABELS[verdict.status]),
         ("Level", f"{verdict.achieved_loa} of {verdict.required_loa}"),
-        ("Coverage", percent(verdict.coverage)),
+        (f"Coverage{place}", percent(verdict.coverage)),
         ("Occupied", percent(verdict.belief_occupied)),
         ("Empty", percent(verdict.belief_empty)),
         ("Unknown", percent(verdict.belief_unknown)),
         ("Conflict", percent(verdict.conflict)),
-        (f"Within {verdict.required_loa}", percent(confirmed)),
+        (f"Within {verdict.required_loa}{place}", percent(confirmed)),
         ("Median deviation", signed_millimetres(verdict.deviation_median)),
         ("95 % deviation", millimetres(verdict.deviation_p95)),
         ("Shift", shift),

@@ -8,7 +8,7 @@ import bpy
 
 from ...core.options import ChangeOptions
 from ...core.progress import Progress
-from .. import bonsai, change_scene, project, scene
+from .. import change_scene, ifc_edits, project, scene
 from ..jobs import Job, Work
 from ..session import SESSION
 from .file_browser import has_model, has_scans, idle
@@ -54,7 +54,7 @@ class BIMVERIFY_OT_change(Job["ChangeResult"], bpy.types.Operator):
     def finish(self, context: bpy.types.Context, value: ChangeResult) -> str:
         from ...core.change.psets import apply_changes
 
-        bonsai.change_file(context, self.bl_idname, lambda file: apply_changes(file, value))
+        ifc_edits.put(context, self.bl_idname, lambda file: apply_changes(file, value))
         SESSION.models[context.scene.name] = value.model
         project.adopt_frame(context.scene, value.model)
         change_scene.show_change(context.scene, value)

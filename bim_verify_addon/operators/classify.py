@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, StringProperty
 from ...core.errors import BimVerifyError
 from ...core.options import ClassifyOptions
 from ...core.progress import Progress
-from .. import project
+from .. import inputs, project
 from ..jobs import Work
 from .file_browser import FileJob, has_model, has_scans, idle
 
@@ -57,9 +57,7 @@ class BIMVERIFY_OT_classify(FileJob["tuple[str, str]"], bpy.types.Operator):
         path, paths = Path(bpy.path.abspath(self.filepath)), project.scan_paths(settings)
         if path.suffix.lower() not in SUFFIXES:
             path = path.with_name(path.name + SUFFIXES[0])
-        model_path = project.model_path(settings)
-        if path.resolve() in {Path(p).resolve() for p in (*paths, model_path) if p}:
-            raise BimVerifyError(f"{path} is an input, which is never written to. Give another name.")
+        inputs.refuse(context.scene, path)
         common = project.options(settings)
         options = ClassifyOptions(
             loa=common.loa, sigma=common.sigma, as_built=self.as_built, scan_frame=common.scan_frame, origin=common.origin,

@@ -73,7 +73,10 @@ class BIMVERIFY_OT_decide(bpy.types.Operator):
 
         bonsai.change_file(context, self.bl_idname, write)
         for global_id, item in chosen.items():
-            verdicts.store(item, None if taken_back else made[global_id])
+            if taken_back:
+                verdicts.take_back(item)
+            else:
+                verdicts.store(item, made[global_id])
         paint.refresh(context.scene)
         word = "as computed again" if taken_back else f"decided: {STATUS_LABELS[self.status].lower()}"
         self.report({"INFO"}, f"{len(chosen)} element{'s' if len(chosen) > 1 else ''} {word}")

@@ -9,7 +9,7 @@ from bpy.props import StringProperty
 
 from ...core.errors import BimVerifyError
 from ...core.progress import Progress
-from .. import bonsai, project, scene, wall_scene
+from .. import ifc_edits, project, scene, wall_scene
 from ..jobs import Job, Work
 from .file_browser import idle
 
@@ -62,7 +62,8 @@ class BIMVERIFY_OT_displacement(Job["DisplacementResult"], bpy.types.Operator):
         from ...core.wall_displacement.psets import apply_displacement_pset
 
         if self.element:
-            bonsai.change_file(context, self.bl_idname, lambda file: apply_displacement_pset(file, self.element, value))
+            element = self.element
+            ifc_edits.put(context, self.bl_idname, lambda file: apply_displacement_pset(file, element, value))
         message = wall_scene.show_displacement(context.scene, value)
         scene.show_colors_in_views()
         self.warn(value.warnings)

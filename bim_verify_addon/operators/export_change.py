@@ -11,7 +11,7 @@ from bpy.props import BoolProperty, StringProperty
 from ...core.errors import BimVerifyError
 from ...core.files import all_or_none, make_folder, whole_file
 from ...core.progress import Progress
-from .. import bonsai
+from .. import bonsai, inputs
 from ..jobs import Work
 from ..session import SESSION
 from .file_browser import FileJob, idle
@@ -63,8 +63,9 @@ class BIMVERIFY_OT_export_change(FileJob[str], bpy.types.Operator):
             raise BimVerifyError("No folder was given. Choose where to write.")
         folder = Path(bpy.path.abspath(self.filepath))
         result = SESSION.comparisons[context.scene.bim_verify_change.result_key]
-        if folder.is_file() or (folder / MODEL).resolve() == Path(result.model.path).resolve():
-            raise BimVerifyError(f"{folder} is a file, or holds the model as {MODEL}. Give another folder.")
+        if folder.is_file():
+            raise BimVerifyError(f"{folder} is a file. Give a folder.")
+        inputs.refuse(context.scene, *(folder / name for name in (MODEL, VOXELS, JSON)), beside=[result.model.path])
         live = bonsai.live_copy() if self.model else None
         model, page, voxels, remaining, numbers = self.model, self.page, self.voxels, self.remaining, self.numbers
 

@@ -12,7 +12,9 @@ from bpy.props import BoolProperty, StringProperty
 
 from ...core.errors import BimVerifyError
 from ...core.progress import Progress
+from ...core.report.html import PAGE, TABLE
 from .. import bonsai, selection
+from .file_browser import idle
 from .result_file import ResultFile, Write
 
 if TYPE_CHECKING:
@@ -43,7 +45,7 @@ class BIMVERIFY_OT_report(ResultFile, bpy.types.Operator):
     bl_description = "Write a folder with the report: one HTML page with pictures, charts and every element, and a CSV table"
     bl_options = {"REGISTER"}
     title = "Write Report"
-    ending = "_report"
+    ending, inside = "_report", (PAGE, TABLE)
 
     filepath: StringProperty(name="Folder", subtype="FILE_PATH", description="The folder to write; made if it is missing")
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
@@ -168,6 +170,10 @@ class BIMVERIFY_OT_export_templates(ResultFile, bpy.types.Operator):
     filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC library to write")
     filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
     check_existing: BoolProperty(default=True, options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return idle(cls)
 
     def writer(self, context: bpy.types.Context) -> Write:
         from ...core.model.pset_templates import write_templates

@@ -12,7 +12,7 @@ from bpy.props import BoolProperty, FloatProperty, StringProperty
 from ...core.errors import BimVerifyError
 from ...core.files import whole_file
 from ...core.progress import Progress
-from .. import project, scene
+from .. import inputs, project, scene
 from ..jobs import Work
 from .file_browser import FileJob, idle
 
@@ -113,7 +113,9 @@ class BIMVERIFY_OT_write_facade(FileJob[Written], bpy.types.Operator):
 
         if not self.filepath:
             raise BimVerifyError("No file name was given. Choose where to write the IFC file.")
-        path, made = Path(bpy.path.abspath(self.filepath)).with_suffix(".ifc"), read_mockup(context.scene)
+        path = Path(bpy.path.abspath(self.filepath)).with_suffix(".ifc")
+        inputs.refuse(context.scene, path)
+        made = read_mockup(context.scene)
 
         def work(progress: Progress) -> Written:
             with whole_file(path) as temporary:

@@ -8,7 +8,7 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty
 
 from ...core.progress import Progress
-from .. import bonsai, project, scene
+from .. import ifc_edits, project, scene
 from ..jobs import Job, Work
 from ..properties import LOA_ITEMS
 from .file_browser import has_model, has_scans, idle
@@ -66,7 +66,7 @@ class BIMVERIFY_OT_quality(Job["tuple[QualityResult, SurveyDisplay]"], bpy.types
         from ..survey_scene import show_quality
 
         result, display = value
-        bonsai.change_file(context, self.bl_idname, lambda file: apply_quality_psets(file, result))
+        ifc_edits.put(context, self.bl_idname, lambda file: apply_quality_psets(file, result))
         project.adopt_frame(context.scene, result.model)
         message = show_quality(context.scene, result, display)
         scene.show_colors_in_views()

@@ -15,7 +15,7 @@ from ...core.errors import BimVerifyError
 from ...core.files import all_or_none
 from ...core.options import ReconstructOptions
 from ...core.progress import Progress
-from .. import bonsai, project
+from .. import bonsai, inputs, project
 from ..jobs import Work
 from .file_browser import FileJob, has_scans, idle
 from .import_ifc import adopt_model
@@ -87,10 +87,8 @@ class BIMVERIFY_OT_reconstruct(FileJob[Made], bpy.types.Operator):
         if not self.filepath:
             raise BimVerifyError("No file name was given. Choose where to write the IFC file.")
         path, paths = Path(bpy.path.abspath(self.filepath)).with_suffix(".ifc"), project.scan_paths(settings)
-        model = project.model_path(settings)
         compared = bpy.path.abspath(self.reference) if self.reference else ""
-        if path.resolve() in {Path(p).resolve() for p in (*paths, model, compared) if p}:
-            raise BimVerifyError(f"{path} is an input, which is never written to. Give another name.")
+        inputs.refuse(context.scene, path, beside=[compared])
         common = project.options(settings)
         options = ReconstructOptions(
             sigma=common.sigma, scan_frame=common.scan_frame, origin=common.origin, threads=common.threads,

@@ -11,7 +11,7 @@ import bpy
 from ...core.errors import BimVerifyError
 from ...core.files import all_or_none
 from ...core.progress import Progress
-from .. import project
+from .. import inputs, project
 from ..jobs import Work
 from .file_browser import FileJob, has_result, idle
 
@@ -28,6 +28,8 @@ class ResultFile(FileJob[str]):
     """Added to the model's name for the proposed file name."""
     suffixes: ClassVar[tuple[str, ...]] = ()
     """Allowed; the first is taken where none was given. Empty: a folder."""
+    inside: ClassVar[tuple[str, ...]] = ()
+    """Files of such a folder."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -38,7 +40,7 @@ class ResultFile(FileJob[str]):
         raise NotImplementedError
 
     def proposed(self, context: bpy.types.Context) -> Path:
-        source = Path(project.result(context.scene).model.path)
+        source = Path(project.model_path(context.scene.bim_verify) or "model.ifc")
         return source.with_name(f"{source.stem}{self.ending}")
 
     def prepare(self, context: bpy.types.Context) -> Work[str]:
@@ -48,9 +50,7 @@ class ResultFile(FileJob[str]):
         if self.suffixes and path.suffix.lower() not in self.suffixes:
             path = path.with_name(path.name + self.suffixes[0])
         result, write = project.result(context.scene), self.writer(context)
-        assert result is not None
-        if path.resolve() == Path(result.model.path).resolve():
-            raise BimVerifyError(f"{path} is the model, which is never written to. Give another name.")
+        inputs.refuse(context.scene, path, *(path / name for name in self.inside))
 
         def work(progress: Progress) -> str:
             with all_or_none():

@@ -42,7 +42,8 @@ class BIMVERIFY_OT_select_findings(bpy.types.Operator):
             item.select_set(True)
         if visible:
             context.view_layer.objects.active = visible[0]
-        self.report({"INFO"}, f"{len(chosen)} elements selected")
+        hidden = f", {len(found) - len(visible)} are hidden" if len(visible) < len(found) else ""
+        self.report({"INFO"}, f"{len(visible)} element{'s' if len(visible) != 1 else ''} selected{hidden}")
         return {"FINISHED"}
 
 

@@ -11,7 +11,7 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from ...core.errors import BimVerifyError
 from ...core.progress import Progress
-from .. import frame, project
+from .. import frame, inputs, project
 from ..jobs import Work
 from .file_browser import FileJob, idle
 from .plan import SCANNERS
@@ -52,8 +52,7 @@ class BIMVERIFY_OT_simulate(FileJob["WrittenScan"], bpy.types.Operator):
         if not self.filepath:
             raise BimVerifyError("Name the E57 file to write.")
         path = bpy.path.abspath(self.filepath)
-        if Path(path).resolve() in {Path(scan).resolve() for scan in project.scan_paths(context.scene.bim_verify)}:
-            raise BimVerifyError(f"{path} is an input, which is never written to. Give another name.")
+        inputs.refuse(context.scene, path)
         place = frame.stored(context.scene) or frame.ViewFrame()
         corners, owner, names = [], [], []
         depsgraph = context.evaluated_depsgraph_get()

@@ -10,7 +10,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from ...core.progress import Progress
-from .. import bonsai
+from .. import bonsai, verdicts
 from .result_file import ResultFile, Write
 
 if TYPE_CHECKING:
@@ -41,18 +41,17 @@ class BIMVERIFY_OT_update_model(ResultFile, bpy.types.Operator):
         return super().finish(context, value)
 
     def writer(self, context: bpy.types.Context) -> Write:
-        from ...core.model.decisions import apply_decisions
-        from ...core.model.write_psets import apply_psets, write_ifc_copy
+        from ...core.model.write_psets import write_ifc_copy, write_verdicts
         from ...core.update.update import update_file, update_lines
 
         folder, copy = bonsai.live_copy() or (nullcontext(), None)
+        back = verdicts.taken_back(context.scene)
 
         def write(result: VerificationResult, path: Path, progress: Progress) -> str:
             said: list[str] = []
 
             def change(file: Any) -> bool:
-                apply_psets(file, result, progress=progress)
-                apply_decisions(file, result.decisions)
+                write_verdicts(file, result, taken_back=back, progress=progress)
                 said.extend(update_lines(update_file(file)))
                 return True
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
@@ -69,7 +69,7 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
         self.earlier = earlier = project.result(context.scene)
         self.only = only
         load, paths = project.model_loader(context.scene), project.scan_paths(settings)
-        budget, known = settings.display_vertices, verdicts.decisions(context.scene)
+        budget, known, back = settings.display_vertices, verdicts.decisions(context.scene), verdicts.taken_back(context.scene)
         live, path = bonsai.live_file(), project.model_path(settings)
         stored = read_decisions(live) if live is not None else {}
 
@@ -79,24 +79,19 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
             asked = replace(options, only=tuple(sorted(only or ())) if narrow else ())
             result = jobs.verify(model, paths, asked, progress.part(0.1, 0.9))
             written = stored if live is not None or not path else decisions_in(path)
-            result = replace(result, decisions={**written, **known})
+            result = replace(result, decisions={**{g: d for g, d in written.items() if g not in back}, **known})
             placement = result.alignment.transform @ project.placement(model, paths, options)
             return result, make_display(result, budget, progress.part(0.9, 1.0)), placement
 
         return work
 
     def finish(self, context: bpy.types.Context, value: tuple[VerificationResult, Display, NDArray[np.float64]]) -> str:
-        from ...core.model.decisions import apply_decisions
-        from ...core.model.write_psets import apply_psets
+        from ...core.model.write_psets import write_verdicts
 
         result, display, placement = value
         result = selection.merged(result, self.earlier, self.only)
 
-        def write(file: Any) -> None:
-            apply_psets(file, result)
-            apply_decisions(file, result.decisions)
-
-        bonsai.change_file(context, self.bl_idname, write)
+        bonsai.change_file(context, self.bl_idname, lambda file: write_verdicts(file, result))
         settings = context.scene.bim_verify
         settings.result_key = SESSION.keep(result)
         settings.exported_path = ""
@@ -108,5 +103,5 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
         scene.move_scans(context.scene, placement)
         scene.show_planned(context, False)
         scene.show_colors_in_views()
-        self.warn(result.warnings)
+        self.warn([*result.warnings, *filter(None, [display.note])])
         return settings.result_summary

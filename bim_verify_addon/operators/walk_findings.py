@@ -35,9 +35,10 @@ class BIMVERIFY_OT_step_finding(bpy.types.Operator):
         found = of_category(self, context)
         if found is None:
             return {"CANCELLED"}
-        order = sorted(found.values(), key=_urgency)
+        here = context.view_layer.objects
+        order = sorted((item for item in found.values() if item.name in here), key=_urgency)
         if not order:
-            self.report({"INFO"}, "There is none")
+            self.report({"INFO"}, "All of them are in collections that are excluded" if found else "There is none")
             return {"CANCELLED"}
         step = 1 if self.direction == "NEXT" else -1
         at = order.index(context.active_object) + step if context.active_object in order else (0 if step > 0 else -1)
@@ -48,7 +49,8 @@ class BIMVERIFY_OT_step_finding(bpy.types.Operator):
         item.select_set(True)
         context.view_layer.objects.active = item
         _frame(context, item)
-        self.report({"INFO"}, f"{order.index(item) + 1} of {len(order)}: {item.name}")
+        left_out = f"; {len(found) - len(order)} more are in excluded collections" if len(order) < len(found) else ""
+        self.report({"INFO"}, f"{order.index(item) + 1} of {len(order)}: {item.name}{left_out}")
         return {"FINISHED"}
 
 

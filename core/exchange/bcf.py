@@ -126,6 +126,8 @@ class _Writer:
 
         m = self._model
         guid = topic_guid(finding.verdict.global_id)
+        if guid in self.archive.topics:  # some files use a GlobalId twice
+            guid = topic_guid(f"{finding.verdict.global_id} #{self._result.model.elements[finding.row].step_id}")
         handler = self._topic.TopicHandler.create_new(
             finding.title, finding.text, AUTHOR, topic_type=TYPES[finding.status], topic_status="Open"
         )
@@ -145,7 +147,7 @@ class _Writer:
 
     def _view(self, finding: Finding, camera: Camera) -> Any:
         m = self._model
-        component = m.Component(ifc_guid=finding.verdict.global_id, originating_system=AUTHOR)
+        component = m.Component(ifc_guid=plain_text(finding.verdict.global_id), originating_system=AUTHOR)
         color = STATUS_HEX[finding.status].lstrip("#").upper()
         if self._v3:
             colored = m.ComponentColoringColor(

@@ -69,6 +69,7 @@ def _text(result: VerificationResult, verdict: ElementVerdict) -> str:
         lines.append(f"Shift {1000 * verdict.displacement:.1f} mm{sigma}; X {x:+z.1f}, Y {y:+z.1f}, Z {z:+z.1f} mm.")
     if verdict.deviation_median is not None and math.isfinite(verdict.deviation_median):
         lines.append(f"Median deviation {1000 * verdict.deviation_median:+z.1f} mm along the outward normal.")
-    lines.append(f"{verdict.achieved_loa} of {verdict.required_loa}; {verdict.coverage:.0%} of the surface has evidence.")
+    place = " at its planned place" if verdict.status == "DEVIATING" else ""
+    lines.append(f"{verdict.achieved_loa} of {verdict.required_loa}; {verdict.coverage:.0%} of it has evidence{place}.")
     lines.append(f"GlobalId {verdict.global_id}" + (f", storey {verdict.storey}" if verdict.storey else ""))
     return plain_text("\n".join(lines))

@@ -14,6 +14,7 @@ from ..errors import BimVerifyError
 from ..files import whole_file
 from ..model.write_psets import PSET_NAME, verification_properties
 from ..results import LEVELS, STATUSES, VerificationResult
+from .findings import plain_text
 
 IDS = "http://standards.buildingsmart.org/IDS"
 XS = "http://www.w3.org/2001/XMLSchema"
@@ -52,11 +53,25 @@ def write_ids(path: str | Path, result: VerificationResult) -> None:
 
 
 def _given(parent: Node, result: VerificationResult) -> None:
-    applies, requires = _specification(
-        parent, "Verification is given", f"Physical elements carry {PSET_NAME} with typed values.", least="1"
-    )
-    name = _add(_add(applies, "entity"), "name")
-    _restriction(name, sorted({verdict.ifc_class.upper() for verdict in result.verdicts}))
+    """Asked of every element of a class; of a class that also has wholes without a body, of the verified ones by GlobalId."""
+    partly = set(result.model.partly)
+    whole = sorted({v.ifc_class for v in result.verdicts} - partly)
+    if whole:
+        _ask(parent, "Verification is given", result, whole)
+    for ifc_class in sorted(partly):
+        own = sorted({v.global_id for v in result.verdicts if v.ifc_class == ifc_class})
+        _ask(parent, f"Verification is given, {ifc_class} with a body", result, [ifc_class], own)
+
+
+def _ask(
+    parent: Node, title: str, result: VerificationResult, classes: Sequence[str], global_ids: Sequence[str] = ()
+) -> None:
+    applies, requires = _specification(parent, title, f"Physical elements carry {PSET_NAME} with typed values.", least="1")
+    _restriction(_add(_add(applies, "entity"), "name"), [c.upper() for c in classes])
+    if global_ids:
+        identity = _add(applies, "attribute")
+        _add(_add(identity, "name"), "simpleValue").text = "GlobalId"
+        _restriction(_add(identity, "value"), [plain_text(g) for g in global_ids])
     for prop, (kind, _) in verification_properties(result.verdicts[0], "", "", "").items():
         if prop in ALWAYS:
             _property(requires, prop, kind, STATUSES if prop == "Status" else (), required=True)

@@ -1,4 +1,4 @@
-"""The table of all elements as an Excel workbook: one sheet of elements, one of counts, one that explains the columns."""
+"""The table of all elements as an Excel workbook: one sheet of elements, one of counts with what each verdict means."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ import numpy as np
 from ..files import whole_file
 from .elements import BuildingModel, Element, MapConversion
 
-FORMAT = 3
+FORMAT = 4
 """Raised whenever what is stored, or how surfaces are made, changes."""
 KEEP_FILES = 64
 
@@ -68,6 +68,7 @@ def read(cache_key: str, source: Path) -> BuildingModel | None:
                 ),
                 skipped=tuple(meta["skipped"]),
                 project_name=meta["project_name"],
+                partly=tuple(meta["partly"]),
             )
     except (OSError, EOFError, KeyError, ValueError, TypeError, zipfile.BadZipFile):
         return None
@@ -90,6 +91,7 @@ def write(cache_key: str, model: BuildingModel) -> None:
         },
         "skipped": list(model.skipped),
         "project_name": model.project_name,
+        "partly": list(model.partly),
     }
     with contextlib.suppress(Exception):
         folder().mkdir(parents=True, exist_ok=True)

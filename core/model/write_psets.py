@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -27,18 +27,28 @@ def write_verified_ifc(
 ) -> None:
     """Copy ``source_ifc`` to ``out`` with the verdicts of ``result`` as property sets; the source is only read.
 
-    An element that carries the set already (from an earlier run) gets its values replaced. Raises BimVerifyError when
+    An element that carries the set already (from an earlier run) gets its values replaced; a decision on an element of which
+    ``result`` holds none stays. Raises BimVerifyError when
     ``out`` is the source itself, when the source cannot be read, when it holds none of the verified elements, or when
     ``out`` cannot be written; nothing is left behind then.
     """
-    from .decisions import apply_decisions
+    write_ifc_copy(source_ifc, out, lambda file: write_verdicts(file, result, progress=progress))
 
-    def add(file: Any) -> int | bool:
-        found = apply_psets(file, result, progress=progress) or not result.verdicts
-        apply_decisions(file, result.decisions)
-        return found
 
-    write_ifc_copy(source_ifc, out, add)
+def write_verdicts(
+    ifc_file: Any, result: VerificationResult, *, taken_back: Collection[str] = (), progress: Progress | None = None
+) -> bool:
+    """Put the verdicts and decisions of ``result`` into an open file; False when it holds none of the elements.
+
+    ``taken_back``: GlobalIds of elements whose decision in the file does not hold any more.
+    """
+    from .decisions import apply_decisions, remove_decision
+
+    found = apply_psets(ifc_file, result, progress=progress) or not result.verdicts
+    for global_id in taken_back:
+        remove_decision(ifc_file, global_id)
+    apply_decisions(ifc_file, result.decisions)
+    return bool(found)
 
 
 def write_ifc_copy(source_ifc: str | Path, out: str | Path, add: Callable[[Any], int | bool]) -> None:

@@ -126,6 +126,17 @@ def test_decisions_in_the_imported_file_are_found_again(verified: bpy.types.Scen
     ops.verify()
     assert verdicts.status(scene.element_objects(verified)[item["GlobalId"]]) == "CONFIRMED"
 
+    for other in verified.objects:  # taken back, the file of before no longer counts
+        other.select_set(other == item)
+    ops.decide(status="COMPUTED")
+    ops.export_ifc(filepath=str(tmp_path / "back.ifc"))
+    assert decisions_in(tmp_path / "back.ifc") == {} and decisions_in(tmp_path / "out.ifc") != {}
+    ops.verify()
+    assert verdicts.status(item) == "DEVIATING"
+    ops.decide(status="ABSENT", reason="gone", author="me")
+    ops.verify()
+    assert verdicts.status(item) == "ABSENT"
+
 
 def test_stepping_goes_round_the_class(verified: bpy.types.Scene, result: VerificationResult) -> None:
     for o in scene.element_objects(verified).values():

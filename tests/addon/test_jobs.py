@@ -47,6 +47,8 @@ def fake_context() -> SimpleNamespace:
         modal_handler_add=lambda operator: None,
     )
     return SimpleNamespace(
+        scene=SimpleNamespace(view_layers=["layer"]),
+        mode="OBJECT",
         window="window",
         window_manager=manager,
         workspace=SimpleNamespace(status_text_set=shown.append),

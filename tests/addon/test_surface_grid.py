@@ -69,6 +69,23 @@ def test_budget_is_kept_about(house_model: BuildingModel) -> None:
     assert 2.0 < many / few < 8.0
 
 
+def test_the_budget_is_a_bound_and_a_coarse_grid_is_said(result: VerificationResult) -> None:
+    few = make_display(result, 600)
+    assert len(few.grid.vertices) < 1_000 and "Result vertices" in few.note
+    assert make_display(result, 50_000).note == ""
+
+
+def test_an_element_found_elsewhere_shows_its_shift_where_nothing_was_measured(result: VerificationResult) -> None:
+    row = next(k for k, v in enumerate(result.verdicts) if v.status == "DEVIATING")
+    moved = replace(result.verdicts[row], displacement_vector=(0.03, 0.0, 0.0), displacement=0.03, significant=True)
+    verdicts = tuple(moved if k == row else v for k, v in enumerate(result.verdicts))
+    blind = replace(result.evidence, deviation=np.full(len(result.samples), np.nan, np.float32))
+    shown = make_display(replace(result, verdicts=verdicts, evidence=blind), 20_000)
+    own = slice(shown.grid.vertex_start[row], shown.grid.vertex_start[row + 1])
+    assert np.allclose(shown.values.deviation[own], 0.03 * shown.grid.normal[own, 0], atol=1e-6)
+    assert np.isnan(np.delete(shown.values.deviation, np.r_[own])).all()
+
+
 def test_a_field_over_the_surface_is_carried_over(grid: SurfaceGrid, house_model: BuildingModel) -> None:
     samples = sample_surface(house_model, 0.05)
     occupied = samples.position[:, 2] / 10 + 0.5

@@ -180,6 +180,36 @@ def test_ids_passes_and_fails_where_it_should(tmp_path: Path, schema: str) -> No
     assert given.status is False
 
 
+def test_ids_asks_nothing_of_a_layered_wall_whose_parts_have_the_bodies(tmp_path: Path) -> None:
+    house = make_ifc(tmp_path / "house.ifc")
+    file = ifcopenshell.open(str(house))
+    wall = file.by_type("IfcWall")[0]
+    whole = ifcopenshell.api.run("root.create_entity", file, ifc_class="IfcWall", name="Layered")
+    part = ifcopenshell.api.run("root.create_entity", file, ifc_class="IfcBuildingElementPart", name="Layer")
+    part.Representation, part.ObjectPlacement = wall.Representation, wall.ObjectPlacement
+    ifcopenshell.api.run("aggregate.assign_object", file, products=[part], relating_object=whole)
+    file.write(str(tmp_path / "layered.ifc"))
+    found = fabricate(load_model(tmp_path / "layered.ifc", cache=False, threads=1))
+    assert found.model.partly == ("IfcWall",)
+    good = replace(found, verdicts=tuple(replace(v, achieved_loa="LOA40") for v in found.verdicts))
+    write_ids(tmp_path / "check.ids", good)
+    write_verified_ifc(tmp_path / "layered.ifc", good, tmp_path / "good.ifc")
+    check = ids.open(str(tmp_path / "check.ids"), validate=True)
+    check.validate(ifcopenshell.open(str(tmp_path / "good.ifc")))
+    assert [s.status for s in check.specifications] == [True, True, True]
+    check.validate(ifcopenshell.open(str(tmp_path / "layered.ifc")))
+    assert [len(s.failed_entities) for s in check.specifications[:2]] == [3, 3]
+
+
+def test_bcf_holds_two_elements_of_one_globalid_and_any_characters_in_it(
+    result: VerificationResult, tmp_path: Path
+) -> None:
+    same = tuple(replace(v, global_id="<b>\x01x", status="ABSENT") for v in result.verdicts)
+    count = write_bcf(tmp_path / "f.bcf", replace(result, verdicts=same), pictures=False)
+    with load(tmp_path / "f.bcf") as archive:
+        assert len(archive.topics) == count == len(same)
+
+
 def test_workbook_holds_every_element_and_runs_nothing(hostile: VerificationResult, tmp_path: Path) -> None:
     path = tmp_path / "elements.xlsx"
     write_xlsx(path, hostile)
