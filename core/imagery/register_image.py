@@ -135,7 +135,6 @@ def register_image(
     except BimVerifyError as error:
         return replace(nothing, note=str(error))
     estimate, matches, after, explained = settled.estimate, settled.matches, settled.seen, settled.explained
-    known = replace(coarse, camera=estimate.camera)
     away = pose_difference(estimate.camera, camera)
     if (away[:3] @ away[:3]) / coarse.rotation_sigma**2 + (away[3:] @ away[3:]) / coarse.position_sigma**2 > FARTHEST:
         return replace(nothing, note=(
@@ -146,7 +145,7 @@ def register_image(
     used = sum(m.kept for m in matches)
     few = used < LEAST_SURE - len(weak)
     runner_up = _rival(viewer, lines, settled, others, coarse, model_sigma, focal)
-    chance = 1.0 if few else _by_chance(after, lines, known, estimate.covariance, coarse, model_sigma, seed)
+    chance = 1.0 if few else _by_chance(after, lines, estimate, coarse, model_sigma, seed)
     note = ""
     if few:
         note = f"Only {used} lines lie on edges, which may be by chance; check the overlay."
@@ -189,8 +188,8 @@ def _rival(
     """What the best different pose explains, as a share of what the ``found`` one does of the edges that it sees.
 
     ``others`` are poses of the search, the best first. What they explained there counts edges as the coarse pose sees them, so
-    each is judged by the edges that it sees itself. One that comes near the found pose is adjusted as that was. It is the same
-    place if the covariances of both allow the difference, and a rival if not, however near it is.
+    each is judged by the edges that it sees itself. One that explains enough is adjusted as the found pose was.
+    It is the same if the covariance of that allows the difference, and a rival if not, however near it is.
     """
     explained = _explained(found, lines, coarse, model_sigma)
     if explained == 0.0:
@@ -207,10 +206,10 @@ def _rival(
                 rival = _settle(viewer, lines, matched[0], coarse, model_sigma, focal)
             except BimVerifyError:
                 continue
-            if _one_place(rival.estimate, found.estimate):
+            if _allowed(rival.estimate.camera, found.estimate):
                 continue
             share = _explained(rival, lines, coarse, model_sigma) / explained
-        elif _is(matched[0].camera, found.estimate.camera, found.estimate.covariance):
+        elif _is(matched[0].camera, found.estimate):
             continue
         most = max(most, share)
     return most
@@ -222,28 +221,26 @@ def _explained(found: _Settled, lines: ImageLines, coarse: KnownCamera, model_si
     return 0.0 if matched is None else matched[2] * float(found.seen.length_px.sum())
 
 
-def _one_place(first: PoseEstimate, second: PoseEstimate) -> bool:
-    """Whether the covariances of two poses allow their difference."""
-    away = pose_difference(first.camera, second.camera)
-    return bool(away @ np.linalg.solve(first.covariance + second.covariance, away) <= FARTHEST)
+def _allowed(pose: Camera, found: PoseEstimate) -> bool:
+    """Whether a pose differs from the ``found`` one by what the covariance of that leaves open."""
+    away = pose_difference(pose, found.camera)
+    return bool(away @ np.linalg.solve(found.covariance, away) <= FARTHEST)
 
 
-def _is(pose: Camera, found: Camera, covariance: Vector) -> bool:
-    """Whether a pose is the ``found`` one, or differs by what its ``covariance`` (6, 6) leaves open."""
-    away = pose_difference(pose, found)
-    return _same(pose, found) or bool(away @ np.linalg.solve(covariance, away) <= FARTHEST)
+def _is(pose: Camera, found: PoseEstimate) -> bool:
+    """Whether a pose that was not adjusted is the ``found`` one, or differs by what its covariance leaves open."""
+    return _same(pose, found.camera) or _allowed(pose, found)
 
 
 def _by_chance(
-    edges: VisibleEdges, lines: ImageLines, found: KnownCamera, covariance: Vector, coarse: KnownCamera, model_sigma: float,
-    seed: int,
+    edges: VisibleEdges, lines: ImageLines, found: PoseEstimate, coarse: KnownCamera, model_sigma: float, seed: int
 ) -> float:
     """The most that poses explain which are drawn around the ``found`` one and are not the same, as a share of what it does.
 
-    Those are the same that come back to it, or differ by what its ``covariance`` (6, 6) leaves open.
+    Those are the same that come back to it, or differ by what its covariance leaves open.
     """
     edges = edges.rows(np.argsort(-edges.length_px, kind="stable")[:CHANCE_EDGES])
-    best = match_lines(edges, lines, found, model_sigma)
+    best = match_lines(edges, lines, replace(coarse, camera=found.camera), model_sigma)
     if best is None:
         return 1.0
     rng = np.random.default_rng((seed, 31))
@@ -251,7 +248,7 @@ def _by_chance(
     for _ in range(CHANCE_POSES):
         camera = found.camera.moved(rng.normal(0, coarse.rotation_sigma, 3), rng.normal(0, coarse.position_sigma, 3))
         matched = match_lines(edges, lines, replace(coarse, camera=camera), model_sigma)
-        if matched is not None and not _is(matched[0].camera, found.camera, covariance):
+        if matched is not None and not _is(matched[0].camera, found):
             most = max(most, matched[2])
     return most / best[2]
 
