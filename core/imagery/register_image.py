@@ -189,7 +189,7 @@ def _rival(
 
     ``others`` are poses of the search, the best first. What they explained there counts edges as the coarse pose sees them, so
     each is judged by the edges that it sees itself. One that explains enough is adjusted as the found pose was.
-    It is the same if the covariance of that allows the difference, and a rival if not, however near it is.
+    It is the same if the covariances allow the difference, and a rival if not, however near it is.
     """
     explained = _explained(found, lines, coarse, model_sigma)
     if explained == 0.0:
@@ -206,7 +206,7 @@ def _rival(
                 rival = _settle(viewer, lines, matched[0], coarse, model_sigma, focal)
             except BimVerifyError:
                 continue
-            if _allowed(rival.estimate.camera, found.estimate):
+            if _one_place(rival.estimate, found.estimate):
                 continue
             share = _explained(rival, lines, coarse, model_sigma) / explained
         elif _is(matched[0].camera, found.estimate):
@@ -221,15 +221,24 @@ def _explained(found: _Settled, lines: ImageLines, coarse: KnownCamera, model_si
     return 0.0 if matched is None else matched[2] * float(found.seen.length_px.sum())
 
 
-def _allowed(pose: Camera, found: PoseEstimate) -> bool:
-    """Whether a pose differs from the ``found`` one by what the covariance of that leaves open."""
-    away = pose_difference(pose, found.camera)
-    return bool(away @ np.linalg.solve(found.covariance, away) <= FARTHEST)
-
-
 def _is(pose: Camera, found: PoseEstimate) -> bool:
-    """Whether a pose that was not adjusted is the ``found`` one, or differs by what its covariance leaves open."""
-    return _same(pose, found.camera) or _allowed(pose, found)
+    """Whether a pose is the ``found`` one, or differs by what its covariance leaves open."""
+    return _same(pose, found.camera) or _differ(pose, found.camera, found.covariance) <= FARTHEST
+
+
+def _one_place(rival: PoseEstimate, found: PoseEstimate) -> bool:
+    """Whether two adjusted poses are one: near each other by what both covariances allow, or by that of the found one alone.
+
+    Farther off, that of a rival with few lines must not count: it allows anything.
+    """
+    both = _differ(rival.camera, found.camera, rival.covariance + found.covariance)
+    return both <= FARTHEST and _is(rival.camera, found)
+
+
+def _differ(pose: Camera, other: Camera, covariance: Vector) -> float:
+    """Squared difference of two poses over a ``covariance`` (6, 6)."""
+    away = pose_difference(pose, other)
+    return float(away @ np.linalg.solve(covariance, away))
 
 
 def _by_chance(

@@ -124,7 +124,7 @@ def test_lines_that_lie_on_edges_by_chance_place_no_photo() -> None:
     assert state_of(found) in ("FAILED", "AMBIGUOUS") and found.note
 
 
-def test_two_places_nearer_than_three_centimetres_are_rivals_if_the_covariance_does_not_allow_both() -> None:
+def test_two_places_nearer_than_three_centimetres_are_rivals_if_their_covariances_do_not_allow_both() -> None:
     model = room()
     viewer, here = EdgeViewer(model, sharp_edges(model)), camera()
     there = here.moved(np.zeros(3), np.array([0.02, 0.0, 0.0]))
