@@ -14,7 +14,7 @@ from ...core.files import whole_file
 from ...core.progress import Progress
 from .. import inputs, project, scene
 from ..jobs import Work
-from .file_browser import FileJob, idle
+from .file_browser import FileJob, idle, named
 
 if TYPE_CHECKING:
     from ...core.facade.mockup import Mockup
@@ -113,7 +113,7 @@ class BIMVERIFY_OT_write_facade(FileJob[Written], bpy.types.Operator):
 
         if not self.filepath:
             raise BimVerifyError("No file name was given. Choose where to write the IFC file.")
-        path = Path(bpy.path.abspath(self.filepath)).with_suffix(".ifc")
+        path = named(self.filepath, ".ifc")
         inputs.refuse(context.scene, path)
         made = read_mockup(context.scene)
 

@@ -13,7 +13,7 @@ from ...core.files import all_or_none
 from ...core.progress import Progress
 from .. import inputs, project
 from ..jobs import Work
-from .file_browser import FileJob, has_result, idle
+from .file_browser import FileJob, has_result, idle, named
 
 if TYPE_CHECKING:
     from ...core.results import VerificationResult
@@ -46,9 +46,7 @@ class ResultFile(FileJob[str]):
     def prepare(self, context: bpy.types.Context) -> Work[str]:
         if not self.filepath:
             raise BimVerifyError("No file name was given. Choose where to write.")
-        path = Path(bpy.path.abspath(self.filepath))
-        if self.suffixes and path.suffix.lower() not in self.suffixes:
-            path = path.with_name(path.name + self.suffixes[0])
+        path = named(self.filepath, *self.suffixes)
         result, write = project.result(context.scene), self.writer(context)
         inputs.refuse(context.scene, path, *(path / name for name in self.inside))
 
