@@ -28,8 +28,6 @@ class ResultFile(FileJob[str]):
     """Added to the model's name for the proposed file name."""
     suffixes: ClassVar[tuple[str, ...]] = ()
     """Allowed; the first is taken where none was given. Empty: a folder."""
-    inside: ClassVar[tuple[str, ...]] = ()
-    """Files of such a folder."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -38,6 +36,10 @@ class ResultFile(FileJob[str]):
     def writer(self, context: bpy.types.Context) -> Write:
         """Read what is needed (main thread) and return what writes; it gives one sentence for the status bar."""
         raise NotImplementedError
+
+    def inside(self) -> tuple[str, ...]:
+        """Files that are written into such a folder."""
+        return ()
 
     def proposed(self, context: bpy.types.Context) -> Path:
         source = Path(project.model_path(context.scene.bim_verify) or "model.ifc")
@@ -48,7 +50,7 @@ class ResultFile(FileJob[str]):
             raise BimVerifyError("No file name was given. Choose where to write.")
         path = named(self.filepath, *self.suffixes)
         result, write = project.result(context.scene), self.writer(context)
-        inputs.refuse(context.scene, path, *(path / name for name in self.inside))
+        inputs.refuse(context.scene, path, *(path / name for name in self.inside()))
 
         def work(progress: Progress) -> str:
             with all_or_none():

@@ -22,7 +22,8 @@ ONLY_WRITE_FILES = {
     "update_model", "undo_update", "classify", "simulate", "write_facade",
 }  # fmt: skip
 """They change nothing in the scene, so there is nothing to undo."""
-NEED_NOTHING = {"import_ifc", "import_scan", "facade", "simulate"}
+WRITE_FOLDERS = {"report", "export_change"}
+NEED_NOTHING = {"import_ifc", "import_scan", "facade", "simulate", "export_templates"}
 SELECTION = {
     "verify": "selected_only", "plan": "selected", "export_bcf": "selected_only", "export_table": "selected_only",
     "decide": "", "select_findings": "", "step_finding": "", "isolate_findings": "",
@@ -88,7 +89,7 @@ def test_it_has_a_redo_panel_and_undo_where_it_changes_the_scene(cls: type) -> N
 def test_a_file_is_asked_for_in_one_way(cls: type) -> None:
     assert ("filepath" in inspect.get_annotations(cls)) == issubclass(cls, FileJob)
     writes = name_of(cls) in ONLY_WRITE_FILES | {"reconstruct"}
-    assert ("check_existing" in inspect.get_annotations(cls)) == (writes and name_of(cls) != "report")
+    assert ("check_existing" in inspect.get_annotations(cls)) == (writes and name_of(cls) not in WRITE_FOLDERS)
 
 
 @every

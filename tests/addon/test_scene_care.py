@@ -31,7 +31,7 @@ def test_no_file_that_the_scene_reads_is_written_to(verified: bpy.types.Scene, t
         entry = verified.bim_verify.scans.add()
         entry.path, entry.use = str(given), kind == "scan"
     elif kind == "reference":
-        verified.bim_verify_change.reference = str(given)
+        verified.bim_verify_change.references.add().path = str(given)
     else:
         verified.bim_verify_displacement.base = str(given)
     with pytest.raises(RuntimeError, match="is an input and is never written to"):
