@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
 from .arrangement import arrangement
+from .features import features
 from .footprint import MapPlace
 from .mockup import Mockup, mockup
+from .read_facade import profiles
 from .records import Facade, FacadeBox, Scale
 
 
@@ -31,6 +33,16 @@ def corrected(
         for f, b in zip(facades, boxes, strict=True)
     ]
     return mockup(made, footprint, place)
+
+
+def with_pictures(made: Mockup, pictures: Sequence[NDArray[np.uint8]]) -> Mockup:
+    """The same with the rectified pictures (H, W, 3) of its facades, their profiles and plants, for the report."""
+    facades = []
+    for facade, picture in zip(made.facades, pictures, strict=True):
+        seen = features(picture, picture.shape[1] / facade.scale.width)
+        across, up = profiles(seen)
+        facades.append(replace(facade, picture=picture, profile_x=across, profile_z=up, vegetation=seen.vegetation))
+    return replace(made, facades=facades)
 
 
 def _from_plain(data: dict[str, Any]) -> Facade:
