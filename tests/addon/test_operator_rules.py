@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from bim_verify.bim_verify_addon import operators
+from bim_verify.bim_verify_addon import operators, wall_scene
 from bim_verify.bim_verify_addon.capabilities import CAPABILITIES
 from bim_verify.bim_verify_addon.jobs import Job
 from bim_verify.bim_verify_addon.operators.file_browser import FileJob
@@ -20,6 +20,7 @@ ONLY_WRITE_FILES = {
     "export_ifc", "export_bcf", "export_change",
     "report", "export_table", "export_dimensions", "export_ids", "export_templates",
     "update_model", "undo_update", "classify", "simulate", "write_facade",
+    "export_displacement",
 }  # fmt: skip
 """They change nothing in the scene, so there is nothing to undo."""
 WRITE_FOLDERS = {"report", "export_change"}
@@ -63,6 +64,7 @@ def test_one_job_at_a_time(verified: bpy.types.Scene, cls: type) -> None:
     verified.bim_verify_displacement.base = verified.bim_verify_displacement.later = "x.e57"
     verified["bim_verify_facades"] = "{}"
     verified.bim_verify_change.result_key = SESSION.keep_comparison(None)  # type: ignore[arg-type]
+    verified[wall_scene.RESULT_KEY] = SESSION.keep_wall(None)  # type: ignore[arg-type]
     assert asked(cls)[0]
     SESSION.job = RunningJob("Some work")
     try:
