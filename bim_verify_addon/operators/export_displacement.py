@@ -13,7 +13,7 @@ from ...core.progress import Progress
 from .. import inputs, project, wall_scene
 from ..jobs import Work
 from ..session import SESSION
-from .file_browser import FileJob, idle
+from .file_browser import FileJob, idle, named
 
 
 class BIMVERIFY_OT_export_displacement(FileJob[str], bpy.types.Operator):
@@ -51,7 +51,7 @@ class BIMVERIFY_OT_export_displacement(FileJob[str], bpy.types.Operator):
 
         if not self.filepath:
             raise BimVerifyError("No file name was given. Choose where to write the CSV file.")
-        path = Path(bpy.path.abspath(self.filepath)).with_suffix(".csv")
+        path = named(self.filepath, ".csv")
         report = path.with_name(f"{path.stem}_report") if self.with_report else None
         found = SESSION.walls[context.scene[wall_scene.RESULT_KEY]]
         outputs = [path, *([report / PAGE] if report else [])]
