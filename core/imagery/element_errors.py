@@ -16,6 +16,7 @@ from ..errors import BimVerifyError
 from .camera import Camera, rotation_vector
 from .edge_bearers import EdgeBearers, element_design
 from .line_pose import PoseEstimate, PosePrior
+from .mistaken_lines import spread_without_each
 from .uncertain_lines import LineMatches, homogeneous
 
 Vector = NDArray[np.float64]
@@ -34,7 +35,8 @@ def estimate_with_elements(
     """The pose near ``start``; ``bearers`` say which matches share an error, ``at`` is the coarse pose.
 
     The edges' covariances in ``matches`` are not used: ``model_sigma`` [m] per axis stands for them. ``mistaken_px`` is the
-    root mean square of what wrong matches that no test shows put a line off as a whole. Raises BimVerifyError when it does not
+    root mean square of what wrong matches that no test shows put a line off as a whole; with it the covariance also counts
+    how far the pose hangs on single matches. Raises BimVerifyError when it does not
     settle.
     """
     camera = start
@@ -59,6 +61,8 @@ def estimate_with_elements(
     rows = np.arange(len(matches))
     blocks = own.reshape(len(matches), 2, len(matches), 2)[rows, :, rows, :]
     pairs = value.reshape(-1, 2)
+    if mistaken_px > 0.0:
+        covariance = covariance + spread_without_each(covariance, design, np.linalg.inv(cov), value)
     test = np.einsum("nk,nkl,nl->n", pairs, np.linalg.pinv(blocks, hermitian=True), pairs)
     spread = float(np.sqrt(covariance[6, 6])) * camera.interior.fx if focal else None
     return PoseEstimate(camera, covariance[:6, :6], factor, redundancy, test, spread)

@@ -46,8 +46,10 @@ AMBIGUOUS = 0.93
 """A different pose that explains this share of what the best one does makes the result ambiguous."""
 LEAST_SURE = 7
 """Lines, less one for each direction that they leave open: fewer lie on edges by chance too often."""
-MOST_RIVALS = 4
-"""So many different poses that explain about as much are looked at anew, each with the edges that it would see."""
+MOST_RIVALS = 6
+"""So many other poses of the search are looked at anew, each with the edges that it would see."""
+NEAR_M, NEAR_RAD = 0.01, math.radians(0.15)
+"""Poses of the search nearer than this to the best are not looked at anew."""
 CHANCE_POSES, CHANCE_EDGES, MOST_BY_CHANCE = 64, 60, 0.8
 """So many poses are drawn from the coarse sigma and pulled onto the lines; if one of them explains this share of what the best
 does of the longest edges, so many lines may lie on edges by chance."""
@@ -128,22 +130,11 @@ def register_image(
     if found is None:
         return replace(nothing, note="No pose near the coarse one explains the lines; check the coarse pose and its sigma.")
     pose, others = found
-    known = replace(coarse, camera=pose)
-    estimate: PoseEstimate | None = None
-    matches: tuple[MatchedLine, ...] = ()
-    after, explained = before, 0.0
-    for _ in range(LOOKS):
-        after = viewer.look(known.camera)
-        pairs = match_lines(after, lines, known, model_sigma)
-        if pairs is None:
-            return replace(nothing, note="Too few lines lie on edges of the model to determine a pose.")
-        known, best, explained = pairs
-        try:
-            estimate, matches = adjust_matches(after, lines, best, known, coarse, model_sigma, focal)
-        except BimVerifyError as error:
-            return replace(nothing, note=str(error))
-        known = replace(known, camera=estimate.camera)
-    assert estimate is not None
+    try:
+        settled = _settle(viewer, lines, replace(coarse, camera=pose), coarse, model_sigma, focal)
+    except BimVerifyError as error:
+        return replace(nothing, note=str(error))
+    estimate, matches, after, explained = settled.estimate, settled.matches, settled.seen, settled.explained
     away = pose_difference(estimate.camera, camera)
     if (away[:3] @ away[:3]) / coarse.rotation_sigma**2 + (away[3:] @ away[3:]) / coarse.position_sigma**2 > FARTHEST:
         return replace(nothing, note=(
@@ -153,8 +144,8 @@ def register_image(
     weak = weak_directions(estimate, PosePrior(coarse.rotation_sigma, coarse.position_sigma))
     used = sum(m.kept for m in matches)
     few = used < LEAST_SURE - len(weak)
-    runner_up = _rival(viewer, after, lines, known, estimate.covariance, others, coarse, model_sigma)
-    chance = 1.0 if few else _by_chance(after, lines, known, estimate.covariance, coarse, model_sigma, seed)
+    runner_up = _rival(viewer, lines, settled, others, coarse, model_sigma, focal)
+    chance = 1.0 if few else _by_chance(after, lines, estimate, coarse, model_sigma, seed)
     note = ""
     if few:
         note = f"Only {used} lines lie on edges, which may be by chance; check the overlay."
@@ -165,45 +156,100 @@ def register_image(
     return ImageRegistration(coarse, estimate, matches, lines, before, after, explained, runner_up, chance, weak, note)
 
 
-def _rival(
-    viewer: EdgeViewer, edges: VisibleEdges, lines: ImageLines, found: KnownCamera, covariance: Vector,
-    others: list[tuple[float, Camera]], coarse: KnownCamera, model_sigma: float,
-) -> float:
-    """What the best different pose explains, as a share of what the ``found`` one does of the ``edges`` that it sees.
+@dataclass(frozen=True)
+class _Settled:
+    """A pose that was adjusted with the edges it sees, and the share of them that lines account for."""
 
-    ``others`` are poses of the search, and what they explained there as a share of the best. Those that come near it are
-    judged by the edges that they would see; one that then comes to the found pose is no rival.
+    estimate: PoseEstimate
+    matches: tuple[MatchedLine, ...]
+    seen: VisibleEdges
+    explained: float
+
+
+def _settle(
+    viewer: EdgeViewer, lines: ImageLines, known: KnownCamera, coarse: KnownCamera, model_sigma: float, focal: bool
+) -> _Settled:
+    """The adjusted pose near a ``known`` one. Raises BimVerifyError where there is none."""
+    for _ in range(LOOKS):
+        seen = viewer.look(known.camera)
+        pairs = match_lines(seen, lines, known, model_sigma)
+        if pairs is None:
+            raise BimVerifyError("Too few lines lie on edges of the model to determine a pose.")
+        known, best, explained = pairs
+        estimate, matches = adjust_matches(seen, lines, best, known, coarse, model_sigma, focal)
+        known = replace(known, camera=estimate.camera)
+    return _Settled(estimate, matches, seen, explained)
+
+
+def _rival(
+    viewer: EdgeViewer, lines: ImageLines, found: _Settled, others: list[tuple[float, Camera]], coarse: KnownCamera,
+    model_sigma: float, focal: bool,
+) -> float:
+    """What the best different pose explains, as a share of what the ``found`` one does of the edges that it sees.
+
+    ``others`` are poses of the search, the best first. What they explained there counts edges as the coarse pose sees them, so
+    each is judged by the edges that it sees itself. One that explains enough is adjusted as the found pose was.
+    It is the same if the covariances allow the difference, and a rival if not, however near it is.
     """
-    most = max((share for share, _ in others if share <= AMBIGUOUS), default=0.0)
-    best = match_lines(edges, lines, found, model_sigma)
-    near = [camera for share, camera in others if share > AMBIGUOUS][:MOST_RIVALS]
-    if best is None:
-        return 1.0 if near else most
-    explained = best[2] * float(edges.length_px.sum())
-    for camera in near:
+    explained = _explained(found, lines, coarse, model_sigma)
+    if explained == 0.0:
+        return 1.0
+    most = 0.0
+    for _, camera in others[:MOST_RIVALS]:
         seen = viewer.look(camera)
         matched = match_lines(seen, lines, replace(coarse, camera=camera), model_sigma)
-        if matched is not None and not _is(matched[0].camera, found.camera, covariance):
-            most = max(most, matched[2] * float(seen.length_px.sum()) / explained)
+        if matched is None:
+            continue
+        share = matched[2] * float(seen.length_px.sum()) / explained
+        if share > AMBIGUOUS:
+            try:
+                rival = _settle(viewer, lines, matched[0], coarse, model_sigma, focal)
+            except BimVerifyError:
+                continue
+            if _one_place(rival.estimate, found.estimate):
+                continue
+            share = _explained(rival, lines, coarse, model_sigma) / explained
+        elif _is(matched[0].camera, found.estimate):
+            continue
+        most = max(most, share)
     return most
 
 
-def _is(pose: Camera, found: Camera, covariance: Vector) -> bool:
-    """Whether a pose is the ``found`` one, or differs by what its ``covariance`` (6, 6) leaves open."""
-    away = pose_difference(pose, found)
-    return _same(pose, found) or bool(away @ np.linalg.solve(covariance, away) <= FARTHEST)
+def _explained(found: _Settled, lines: ImageLines, coarse: KnownCamera, model_sigma: float) -> float:
+    """What a pose explains of the edges that it sees [px]."""
+    matched = match_lines(found.seen, lines, replace(coarse, camera=found.estimate.camera), model_sigma)
+    return 0.0 if matched is None else matched[2] * float(found.seen.length_px.sum())
+
+
+def _is(pose: Camera, found: PoseEstimate) -> bool:
+    """Whether a pose is the ``found`` one, or differs by what its covariance leaves open."""
+    return _same(pose, found.camera) or _differ(pose, found.camera, found.covariance) <= FARTHEST
+
+
+def _one_place(rival: PoseEstimate, found: PoseEstimate) -> bool:
+    """Whether two adjusted poses are one: near each other by what both covariances allow, or by that of the found one alone.
+
+    Farther off, that of a rival with few lines must not count: it allows anything.
+    """
+    both = _differ(rival.camera, found.camera, rival.covariance + found.covariance)
+    return both <= FARTHEST and _is(rival.camera, found)
+
+
+def _differ(pose: Camera, other: Camera, covariance: Vector) -> float:
+    """Squared difference of two poses over a ``covariance`` (6, 6)."""
+    away = pose_difference(pose, other)
+    return float(away @ np.linalg.solve(covariance, away))
 
 
 def _by_chance(
-    edges: VisibleEdges, lines: ImageLines, found: KnownCamera, covariance: Vector, coarse: KnownCamera, model_sigma: float,
-    seed: int,
+    edges: VisibleEdges, lines: ImageLines, found: PoseEstimate, coarse: KnownCamera, model_sigma: float, seed: int
 ) -> float:
     """The most that poses explain which are drawn around the ``found`` one and are not the same, as a share of what it does.
 
-    Those are the same that come back to it, or differ by what its ``covariance`` (6, 6) leaves open.
+    Those are the same that come back to it, or differ by what its covariance leaves open.
     """
     edges = edges.rows(np.argsort(-edges.length_px, kind="stable")[:CHANCE_EDGES])
-    best = match_lines(edges, lines, found, model_sigma)
+    best = match_lines(edges, lines, replace(coarse, camera=found.camera), model_sigma)
     if best is None:
         return 1.0
     rng = np.random.default_rng((seed, 31))
@@ -211,7 +257,7 @@ def _by_chance(
     for _ in range(CHANCE_POSES):
         camera = found.camera.moved(rng.normal(0, coarse.rotation_sigma, 3), rng.normal(0, coarse.position_sigma, 3))
         matched = match_lines(edges, lines, replace(coarse, camera=camera), model_sigma)
-        if matched is not None and not _is(matched[0].camera, found.camera, covariance):
+        if matched is not None and not _is(matched[0].camera, found):
             most = max(most, matched[2])
     return most / best[2]
 
@@ -278,14 +324,15 @@ def search_pose(
     best_score, best = poses[0]
     others: list[tuple[float, Camera]] = []
     for score, pose in poses:
-        if not any(_same(pose, p) for p in (best, *(p for _, p in others))):
+        if not _same(pose, best, NEAR_RAD, NEAR_M) and not any(_same(pose, p) for _, p in others):
             others.append((score / best_score, pose))
     return best, others
 
 
-def _same(pose: Camera, other: Camera) -> bool:
+def _same(pose: Camera, other: Camera, angle: float = SAME_POSE_RAD, distance: float = SAME_POSE_M) -> bool:
+    """Whether two poses are turned by less than ``angle`` [rad] and shifted by less than ``distance`` [m]."""
     away = pose_difference(pose, other)
-    return bool(np.linalg.norm(away[:3]) < SAME_POSE_RAD and np.linalg.norm(away[3:]) < SAME_POSE_M)
+    return bool(np.linalg.norm(away[:3]) < angle and np.linalg.norm(away[3:]) < distance)
 
 
 def match_lines(

@@ -14,7 +14,7 @@ from bim_verify.core.imagery.crowded_edges import RESOLUTION_PX, crowding
 from bim_verify.core.imagery.detect_lines import ImageLines
 from bim_verify.core.imagery.edge_bearers import element_design, free_edges, meeting_of
 from bim_verify.core.imagery.line_pose import pose_difference
-from bim_verify.core.imagery.mistaken_lines import MISTAKEN, SEARCH_WIDTH
+from bim_verify.core.imagery.mistaken_lines import MISTAKEN, SEARCH_WIDTH, spread_without_each
 from bim_verify.core.imagery.model_edges import sharp_edges
 from bim_verify.core.imagery.register_image import register_image
 from bim_verify.core.imagery.visible_edges import EdgeViewer
@@ -122,3 +122,39 @@ def test_lines_that_lie_on_edges_by_chance_place_no_photo() -> None:
     )
     found = register_image(viewer, noise, KnownCamera(camera()), model_sigma=SIGMA)
     assert state_of(found) in ("FAILED", "AMBIGUOUS") and found.note
+
+
+def test_two_places_nearer_than_three_centimetres_are_rivals_if_their_covariances_do_not_allow_both() -> None:
+    model = room()
+    viewer, here = EdgeViewer(model, sharp_edges(model)), camera()
+    there = here.moved(np.zeros(3), np.array([0.02, 0.0, 0.0]))
+    rng = np.random.default_rng(5)
+    seen = [edge_lines(viewer, place, 0.3, rng) for place in (here, there)]
+    one = register_image(viewer, seen[0], KnownCamera(here), model_sigma=SIGMA)
+    assert state_of(one) == "REFINED"
+    both = ImageLines(*(np.concatenate([getattr(s, f) for s in seen]) for f in ImageLines.__dataclass_fields__))
+    found = register_image(viewer, both, KnownCamera(here), model_sigma=SIGMA)
+    assert state_of(found) == "AMBIGUOUS" and "Another pose" in found.note
+
+
+def test_the_spread_without_each_match_is_that_of_adjustments_without_it() -> None:
+    rng = np.random.default_rng(6)
+    count = 7
+    design, information = rng.normal(size=(2 * count, 6)), np.diag(rng.uniform(0.1, 1.0, 6))
+    root = rng.normal(size=(2 * count, 2 * count))
+    noise = root @ root.T + np.eye(2 * count)
+    observed, prior = rng.normal(size=2 * count), rng.normal(size=6)
+
+    def solve(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        weight = np.linalg.inv(noise[np.ix_(rows, rows)])
+        covariance = np.linalg.inv(design[rows].T @ weight @ design[rows] + information)
+        return covariance @ (design[rows].T @ weight @ observed[rows] + information @ prior), covariance
+
+    every = np.arange(2 * count)
+    pose, covariance = solve(every)
+    expected = np.zeros((6, 6))
+    for match in range(count):
+        without, wider = solve(np.delete(every, [2 * match, 2 * match + 1]))
+        expected += MISTAKEN * (np.outer(without - pose, without - pose) + wider - covariance)
+    found = spread_without_each(covariance, design, np.linalg.inv(noise), design @ pose - observed)
+    assert found == pytest.approx(expected, abs=1e-9)
