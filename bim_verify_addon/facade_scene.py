@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import BimVerifyError
 from . import frame, project, scene
 from .materials import plain_material
 
@@ -51,7 +53,10 @@ def show_mockup(target: bpy.types.Scene, made: Mockup) -> None:
                 item[INFERRED_KEY] = [*low, *high]
             set_kind(item, box.kind)
     footprint = None if made.footprint is None else made.footprint.tolist()
-    target[DATA_KEY] = json.dumps({"facades": [facade_to_plain(f) for f in made.facades], "footprint": footprint})
+    place_on_map = None if made.place is None else asdict(made.place)
+    target[DATA_KEY] = json.dumps(
+        {"facades": [facade_to_plain(f) for f in made.facades], "footprint": footprint, "map": place_on_map}
+    )
 
 
 def kind_of(item: bpy.types.Object) -> str:
@@ -81,6 +86,7 @@ def set_arched(item: bpy.types.Object, arched: bool) -> None:
 def read_mockup(target: bpy.types.Scene) -> Mockup:
     """The mock-up that the rectangles make now. Raises BimVerifyError when none is left."""
     from ..core.facade.correct import corrected
+    from ..core.facade.footprint import MapPlace
     from ..core.facade.mockup import wall_base
     from ..core.facade.records import FacadeBox
 
@@ -103,7 +109,23 @@ def read_mockup(target: bpy.types.Scene) -> Mockup:
         guessed = item.get(INFERRED_KEY)
         inferred = guessed is not None and np.allclose(list(guessed), [*low, *high], atol=UNTOUCHED_M)
         boxes[index].append(FacadeBox(*low, *high, kind_of(item), rise_of(item), inferred=inferred))
-    return corrected(data["facades"], boxes, footprint)
+    return corrected(data["facades"], boxes, footprint, MapPlace(**data["map"]) if data.get("map") else None)
+
+
+def read_pictures(target: bpy.types.Scene) -> list[NDArray[np.uint8]]:
+    """The rectified photos, (H, W, 3) each. Raises BimVerifyError where one was deleted."""
+    found = {item[PHOTO_KEY]: item for item in target.objects if PHOTO_KEY in item}
+    out = []
+    for index in range(len(json.loads(target[DATA_KEY])["facades"])):
+        if index not in found:
+            raise BimVerifyError(f"The photo of facade {index + 1} was deleted; read it again, or write no report.")
+        nodes = found[index].data.materials[0].node_tree.nodes
+        image = next(node.image for node in nodes if node.type == "TEX_IMAGE")
+        pixels = np.empty(4 * image.size[0] * image.size[1], dtype=np.float32)
+        image.pixels.foreach_get(pixels)
+        picture = pixels.reshape(image.size[1], image.size[0], 4)[::-1, :, :3]
+        out.append(np.ascontiguousarray((255.0 * picture).round().astype(np.uint8)))
+    return out
 
 
 def clear(target: bpy.types.Scene) -> None:

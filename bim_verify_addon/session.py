@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from ..core.change.results import ChangeResult
     from ..core.model.elements import BuildingModel
     from ..core.results import AlignmentRecord, VerificationResult
+    from ..core.wall_displacement.result import DisplacementResult
 
 T = TypeVar("T")
 Edit = Callable[["Any"], object]
@@ -55,6 +56,8 @@ class Session:
     """``scene.bim_verify.result_key`` -> result, so that undo in Blender brings the earlier one back."""
     comparisons: dict[str, ChangeResult] = field(default_factory=dict)
     """``scene.bim_verify_change.result_key`` -> comparison."""
+    walls: dict[str, DisplacementResult] = field(default_factory=dict)
+    """``scene[wall_scene.RESULT_KEY]`` -> how a wall moved."""
     edits: dict[str, tuple[str, Edit]] = field(default_factory=dict)
     """``scene.bim_verify.edits[...].key`` -> the operator, and what it has to write into the model."""
     alignments: dict[str, AlignmentRecord] = field(default_factory=dict)
@@ -70,6 +73,10 @@ class Session:
         """The same for a comparison."""
         return _keep(self.comparisons, result, COMPARISONS_KEPT)
 
+    def keep_wall(self, result: DisplacementResult) -> str:
+        """The same for a wall's displacement."""
+        return _keep(self.walls, result, RESULTS_KEPT)
+
     def keep_edit(self, name: str, edit: Edit) -> str:
         """The same for what an operator has to write into the model; its latest only, since it may hold a comparison."""
         self.edits = {key: kept for key, kept in self.edits.items() if kept[0] != name}
@@ -80,6 +87,7 @@ class Session:
         self.models.clear()
         self.results.clear()
         self.comparisons.clear()
+        self.walls.clear()
         self.edits.clear()
         self.alignments.clear()
         self.job = None

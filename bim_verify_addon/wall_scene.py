@@ -19,6 +19,8 @@ COLUMN_KEY = "bim_verify_column"
 """On each column's object: its number."""
 SUMMARY_KEY, LIMIT_KEY = "bim_verify_wall_summary", "bim_verify_wall_limit"
 """On the scene: what was found, in one sentence; metres at which the colours end."""
+RESULT_KEY = "bim_verify_wall_result"
+"""On the scene: of the result in memory, ``session.walls``."""
 LATERAL, VERTICAL, DETECTION = "bv_lateral", "bv_vertical", "bv_detection"
 UNSURE = 0.35
 """Share of the colour that a movement below its level of detection keeps."""
@@ -48,7 +50,7 @@ def show_displacement(target: bpy.types.Scene, result: DisplacementResult) -> st
 def forget(target: bpy.types.Scene) -> None:
     """Remove the wall."""
     scene.remove(*columns(target))
-    for key in (SUMMARY_KEY, LIMIT_KEY):
+    for key in (SUMMARY_KEY, LIMIT_KEY, RESULT_KEY):
         target.pop(key, None)
 
 

@@ -29,6 +29,7 @@ from PIL import Image, ImageFilter
 PACKAGE = package()
 
 from bim_verify.core.errors import BimVerifyError  # noqa: E402
+from bim_verify.core.facade.grammar import grammar_of  # noqa: E402
 from bim_verify.core.facade.mockup import size_sigma  # noqa: E402
 from bim_verify.core.facade.records import Facade  # noqa: E402
 from bim_verify.core.jobs.facade import FacadeOptions, read_facade  # noqa: E402
@@ -126,7 +127,9 @@ def line(row: dict[str, list[float]]) -> str:
         f"seconds {np.mean(row['seconds'] or [np.nan]):.2f} processor {np.mean(row['processor'] or [np.nan]):.2f} "
         f"scale {np.mean(np.array(row['scale']) < 1):.2f}, {np.mean(np.array(row['scale']) < 2):.2f} "
         f"aspect {np.mean(np.array(row['aspect']) < 1):.2f}, {np.mean(np.array(row['aspect']) < 2):.2f} "
-        f"corners median {100 * np.median(row['corner']):.1f} % p90 {100 * np.quantile(row['corner'], 0.9):.1f} %"
+        f"corners median {100 * np.median(row['corner']):.1f} % p90 {100 * np.quantile(row['corner'], 0.9):.1f} % "
+        f"grammar off by {100 * max(row['grammar']):.1f} cm at most, leaves out {sum(row['left_out']):.0f}, "
+        f"{np.mean(row['rules']):.2f} rules an element"
     )
 
 
@@ -174,6 +177,9 @@ def score(found: Facade, truth: dict[str, Any]) -> dict[str, list[float]]:
     ]
     if len(found.levels) == len(truth["levels_m"]) and found.scale.source != "FLOORHEIGHT":
         row["level"] = [a - b for a, b in zip(found.levels[1:], truth["levels_m"][1:], strict=True)]
+    split = grammar_of(found)
+    row["grammar"], row["left_out"] = [split.largest_error], [float(len(split.left_out))]
+    row["rules"] = [len(split.rules) / max(len(found.boxes), 1)]
     row["floors"] = [float(len(found.levels) == len(truth["levels_m"]))]
     return row
 

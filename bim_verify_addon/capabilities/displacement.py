@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
 from ...core.report import palette
 from .. import wall_scene
@@ -35,6 +35,12 @@ class BimVerifyDisplacementSettings(bpy.types.PropertyGroup):
         description="GlobalId of the wall in the model, in the scans' frame: it gets the property set; empty: the largest "
         "upright surface",
     )
+    near: StringProperty(
+        name="Near", description="X,Y,Z of a point on the wall in metres, where the scans hold several; empty: the largest"
+    )
+    with_report: BoolProperty(
+        name="Report", default=True, description="Also write a report, into a folder beside the file (_report)"
+    )
     direction: EnumProperty(
         name="Colours",
         items=(
@@ -60,6 +66,9 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     main_button(layout, "displacement", "MOD_ARRAY")
     if wall_scene.SUMMARY_KEY in context.scene:
         layout.row().prop(settings, "direction", expand=True)
+        row = layout.row()
+        row.operator("bim_verify.export_displacement", icon="EXPORT")
+        row.prop(settings, "with_report")
     item = context.object
     if item is not None and wall_scene.COLUMN_KEY in item:
         box = layout.box()
@@ -69,7 +78,8 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    layout.prop(context.scene.bim_verify_displacement, "registration_sigma_mm")
+    for name in ("near", "registration_sigma_mm"):
+        layout.prop(context.scene.bim_verify_displacement, name)
 
 
 def _legend(scene: bpy.types.Scene) -> Legend | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
 from .. import facade_scene
 from ..capability import Capability, Step, StepState
@@ -63,13 +63,22 @@ class BimVerifyFacadeSettings(bpy.types.PropertyGroup):
         name="Floor height", unit="LENGTH", min=0.0, description="Floor to floor, metres; zero: not known"
     )
     corners: StringProperty(
-        name="Corners", description="X,Y,X,Y,X,Y,X,Y of the facade in pixels of the photo; empty: found by vanishing lines"
+        name="Corners",
+        description="X,Y,X,Y,X,Y,X,Y of the facade in pixels of the photo, those of several divided by ; - empty: found by "
+        "vanishing lines",
     )
+    footprint: StringProperty(
+        name="Footprint", subtype="FILE_PATH",
+        description="Outline of the building, X,Y X,Y X,Y counter-clockwise in metres, or a GeoJSON file; the photos, by name, "
+        "are of its edges in order",
+    )
+    crs: StringProperty(name="Map", description="Of a footprint in map coordinates, as EPSG:25832; empty: not known")
+    with_report: BoolProperty(name="Report", description="Also write a report, into a folder beside the file (_report)")
 
 
 def _state(scene: bpy.types.Scene) -> StepState:
     settings = scene.bim_verify_facade
-    known = settings.width or settings.height or settings.floor_height
+    known = settings.width or settings.height or settings.floor_height or settings.footprint.strip()
     lacks = "" if known else "Without a known length the scale is a guess (12 %)"
     return reached(settings.summary, "Optional: a mock-up model from a photo of a facade", lacks)
 
@@ -77,10 +86,12 @@ def _state(scene: bpy.types.Scene) -> StepState:
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     settings = context.scene.bim_verify_facade
     column = layout.column(align=True)
-    for name in ("width", "height", "floor_height"):
+    for name in ("width", "height", "floor_height", "footprint"):
         column.prop(settings, name)
     main_button(layout, "facade", "IMAGE_DATA")
-    layout.operator("bim_verify.write_facade", icon="EXPORT")
+    row = layout.row()
+    row.operator("bim_verify.write_facade", icon="EXPORT")
+    row.prop(settings, "with_report")
     item = context.object
     if item is not None and facade_scene.BOX_KEY in item:
         box = layout.box()
@@ -92,7 +103,8 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    layout.prop(context.scene.bim_verify_facade, "corners")
+    for name in ("corners", "crs"):
+        layout.prop(context.scene.bim_verify_facade, name)
 
 
 def show(scene: bpy.types.Scene, result: Any) -> bool:

@@ -9,6 +9,7 @@ from .decide import BIMVERIFY_OT_decide
 from .displacement import BIMVERIFY_OT_displacement
 from .export_bcf import BIMVERIFY_OT_export_bcf
 from .export_change import BIMVERIFY_OT_export_change
+from .export_displacement import BIMVERIFY_OT_export_displacement
 from .export_ifc import BIMVERIFY_OT_export_ifc
 from .export_other import (
     BIMVERIFY_OT_export_dimensions,
@@ -54,6 +55,7 @@ CLASSES = (
     BIMVERIFY_OT_reconstruct,
     BIMVERIFY_OT_compare,
     BIMVERIFY_OT_displacement,
+    BIMVERIFY_OT_export_displacement,
     BIMVERIFY_OT_classify,
     BIMVERIFY_OT_facade,
     BIMVERIFY_OT_write_facade,

@@ -12,7 +12,7 @@ from ...core.options import ClassifyOptions
 from ...core.progress import Progress
 from .. import inputs, project
 from ..jobs import Work
-from .file_browser import FileJob, has_model, has_scans, idle
+from .file_browser import FileJob, has_model, has_scans, idle, named
 
 SUFFIXES = (".e57", ".las", ".laz")
 
@@ -54,9 +54,7 @@ class BIMVERIFY_OT_classify(FileJob["tuple[str, str]"], bpy.types.Operator):
         settings = context.scene.bim_verify
         if not self.filepath:
             raise BimVerifyError("No file name was given. Choose where to write the cloud.")
-        path, paths = Path(bpy.path.abspath(self.filepath)), project.scan_paths(settings)
-        if path.suffix.lower() not in SUFFIXES:
-            path = path.with_name(path.name + SUFFIXES[0])
+        path, paths = named(self.filepath, *SUFFIXES), project.scan_paths(settings)
         inputs.refuse(context.scene, path)
         common = project.options(settings)
         options = ClassifyOptions(

@@ -11,6 +11,7 @@ from ...core.errors import BimVerifyError
 from ...core.progress import Progress
 from .. import ifc_edits, project, scene, wall_scene
 from ..jobs import Job, Work
+from ..session import SESSION
 from .file_browser import idle
 
 if TYPE_CHECKING:
@@ -25,10 +26,13 @@ class BIMVERIFY_OT_displacement(Job["DisplacementResult"], bpy.types.Operator):
     bl_description = "Say how a panelled wall moved between two scans: its joints, and its face between them"
     bl_options = {"REGISTER", "UNDO"}
     title = "Wall displacement"
-    panel_settings = ("bim_verify_displacement", "element")
+    panel_settings = ("bim_verify_displacement", "element", "near")
 
     element: StringProperty(
         name="Element", description="GlobalId of the wall in the model, in the scans' frame; empty: the largest upright surface"
+    )
+    near: StringProperty(
+        name="Near", description="X,Y,Z of a point on the wall in metres, where the scans hold several; empty: the largest"
     )
 
     @classmethod
@@ -40,12 +44,13 @@ class BIMVERIFY_OT_displacement(Job["DisplacementResult"], bpy.types.Operator):
         return idle(cls)
 
     def prepare(self, context: bpy.types.Context) -> Work[DisplacementResult]:
+        from ...core.commands.checks import parse_place
         from ...core.jobs.displacement import DisplacementOptions, displacement
 
         settings, own = context.scene.bim_verify, context.scene.bim_verify_displacement
         options = DisplacementOptions(
             registration_sigma=own.registration_sigma_mm / 1000, origin=project.scanner_position(settings.origin),
-            threads=settings.threads, memory_gb=settings.memory_gb,
+            threads=settings.threads, memory_gb=settings.memory_gb, near=parse_place("Near", self.near.strip()),
         )
         base, later = (bpy.path.abspath(path) for path in (own.base, own.later))
         if self.element and not project.has_model(settings):
@@ -65,6 +70,7 @@ class BIMVERIFY_OT_displacement(Job["DisplacementResult"], bpy.types.Operator):
             element = self.element
             ifc_edits.put(context, self.bl_idname, lambda file: apply_displacement_pset(file, element, value))
         message = wall_scene.show_displacement(context.scene, value)
+        context.scene[wall_scene.RESULT_KEY] = SESSION.keep_wall(value)
         scene.show_colors_in_views()
         self.warn(value.warnings)
         return message

@@ -12,7 +12,6 @@ from bpy.props import BoolProperty, StringProperty
 
 from ...core.errors import BimVerifyError
 from ...core.progress import Progress
-from ...core.report.html import PAGE, TABLE
 from .. import bonsai, selection
 from .file_browser import idle
 from .result_file import ResultFile, Write
@@ -45,7 +44,7 @@ class BIMVERIFY_OT_report(ResultFile, bpy.types.Operator):
     bl_description = "Write a folder with the report: one HTML page with pictures, charts and every element, and a CSV table"
     bl_options = {"REGISTER"}
     title = "Write Report"
-    ending, inside = "_report", (PAGE, TABLE)
+    ending = "_report"
 
     filepath: StringProperty(name="Folder", subtype="FILE_PATH", description="The folder to write; made if it is missing")
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
@@ -53,6 +52,11 @@ class BIMVERIFY_OT_report(ResultFile, bpy.types.Operator):
         name="Dimensions as built",
         description="With a table of rooms and openings: clear widths and heights as planned and as built, millimetres",
     )
+
+    def inside(self) -> tuple[str, ...]:
+        from ...core.report.html import PAGE, TABLE
+
+        return PAGE, TABLE
 
     def writer(self, context: bpy.types.Context) -> Write:
         from ...core.report.html import write_report

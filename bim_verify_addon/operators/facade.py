@@ -7,17 +7,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, FloatProperty, StringProperty
 
 from ...core.errors import BimVerifyError
-from ...core.files import whole_file
+from ...core.files import all_or_none
 from ...core.progress import Progress
 from .. import inputs, project, scene
 from ..jobs import Work
-from .file_browser import FileJob, idle
+from .file_browser import FileJob, idle, named
 
 if TYPE_CHECKING:
     from ...core.facade.mockup import Mockup
+
+
+@dataclass(frozen=True)
+class Read:
+    """What photos gave, and what a person should know of their footprint."""
+
+    made: Mockup
+    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -28,21 +36,31 @@ class Written:
     made: Mockup
 
 
-class BIMVERIFY_OT_facade(FileJob["Mockup"], bpy.types.Operator):
-    """Read windows and doors from a photo of a facade."""
+class BIMVERIFY_OT_facade(FileJob[Read], bpy.types.Operator):
+    """Read windows and doors from photos of facades."""
 
     bl_idname = "bim_verify.facade"
     bl_label = "Read Facade Photo"
-    bl_description = "Find the windows and doors of a facade in a photo; correct them in the scene, then write the model"
+    bl_description = "Find windows and doors in a photo, or in several on a footprint; correct them in the scene"
     bl_options = {"REGISTER", "UNDO"}
     title = "Facade"
-    panel_settings = ("bim_verify_facade", "corners", "width", "height", "floor_height")
+    panel_settings = ("bim_verify_facade", "corners", "width", "height", "floor_height", "footprint", "crs")
 
     filepath: StringProperty(name="Photo", subtype="FILE_PATH", description="A photo of one facade")
+    directory: StringProperty(subtype="DIR_PATH", options={"HIDDEN"})
+    files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN"})
     filter_glob: StringProperty(default="*.jpg;*.jpeg;*.png;*.tif;*.tiff", options={"HIDDEN"})
     corners: StringProperty(
-        name="Corners", description="X,Y,X,Y,X,Y,X,Y of the facade in pixels of the photo; empty: found by vanishing lines"
+        name="Corners",
+        description="X,Y,X,Y,X,Y,X,Y of the facade in pixels of the photo, those of several divided by ; - empty: found by "
+        "vanishing lines",
     )
+    footprint: StringProperty(
+        name="Footprint", subtype="FILE_PATH",
+        description="Outline of the building, X,Y X,Y X,Y counter-clockwise in metres, or a GeoJSON file; the photos, by name, "
+        "are of its edges in order",
+    )
+    crs: StringProperty(name="Map", description="Of a footprint in map coordinates, as EPSG:25832; empty: not known")
     width: FloatProperty(name="Width", unit="LENGTH", min=0.0, description="Of the facade, metres; zero: not known")
     height: FloatProperty(name="Height", unit="LENGTH", min=0.0, description="Of the facade, metres; zero: not known")
     floor_height: FloatProperty(
@@ -53,33 +71,39 @@ class BIMVERIFY_OT_facade(FileJob["Mockup"], bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         return idle(cls)
 
-    def prepare(self, context: bpy.types.Context) -> Work[Mockup]:
+    def prepare(self, context: bpy.types.Context) -> Work[Read]:
         from ...core.commands.facade import parse_corners
-        from ...core.facade.mockup import mockup
-        from ...core.jobs.facade import FacadeOptions, facade
+        from ...core.jobs.facade import FacadeOptions, facade_mockup
 
-        if not self.filepath:
+        names = [entry.name for entry in self.files if entry.name]
+        paths = [str(Path(self.directory) / name) for name in names] if names else [self.filepath]
+        if not paths[0]:
             raise BimVerifyError("No photo was given. Choose one.")
-        path = Path(bpy.path.abspath(self.filepath))
+        paths = [bpy.path.abspath(path) for path in paths]
+        common = context.scene.bim_verify
         options = FacadeOptions(
-            corners=(parse_corners(self.corners),) if self.corners.strip() else (), width=self.width or None,
-            height=self.height or None, floor_height=self.floor_height or None,
+            corners=tuple(parse_corners(text) for text in self.corners.split(";") if text.strip()), width=self.width or None,
+            height=self.height or None, floor_height=self.floor_height or None, threads=common.threads,
+            memory_gb=common.memory_gb,
         )
+        outline, crs = self.footprint.strip(), self.crs.strip()
+        if outline.lower().endswith("json"):
+            outline = bpy.path.abspath(outline)
 
-        def work(progress: Progress) -> Mockup:
-            return mockup(facade([path], options, progress))
+        def work(progress: Progress) -> Read:
+            return Read(*facade_mockup(paths, options, outline, crs, progress))
 
         return work
 
-    def finish(self, context: bpy.types.Context, value: Mockup) -> str:
+    def finish(self, context: bpy.types.Context, value: Read) -> str:
         from ...core.facade.report import summary
         from ..facade_scene import show_mockup
 
-        show_mockup(context.scene, value)
+        show_mockup(context.scene, value.made)
         scene.show_colors_in_views("TEXTURE")
-        self.warn(warning for facade in value.facades for warning in facade.warnings)
-        context.scene.bim_verify_facade.summary = summary(value)
-        return summary(value)
+        self.warn([*(warning for facade in value.made.facades for warning in facade.warnings), *value.notes])
+        context.scene.bim_verify_facade.summary = summary(value.made)
+        return summary(value.made)
 
 
 class BIMVERIFY_OT_write_facade(FileJob[Written], bpy.types.Operator):
@@ -90,10 +114,14 @@ class BIMVERIFY_OT_write_facade(FileJob[Written], bpy.types.Operator):
     bl_description = "Write the facade with its rectangles as they are now as an IFC4 model: moved, added and deleted ones too"
     bl_options = {"REGISTER"}
     title = "Mock-up"
+    panel_settings = ("bim_verify_facade", "with_report")
 
     filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file to write")
     filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
     check_existing: BoolProperty(default=True, options={"HIDDEN"})
+    with_report: BoolProperty(
+        name="Report", default=False, description="Also write a report, into a folder beside the file (_report)"
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -108,18 +136,25 @@ class BIMVERIFY_OT_write_facade(FileJob[Written], bpy.types.Operator):
         return project.folder(context.scene) / "facade_mockup.ifc"
 
     def prepare(self, context: bpy.types.Context) -> Work[Written]:
+        from ...core.facade.correct import with_pictures
         from ...core.facade.mockup import write_mockup
-        from ..facade_scene import read_mockup
+        from ...core.facade.report import write_facade_report
+        from ...core.report.page_frame import PAGE
+        from ..facade_scene import read_mockup, read_pictures
 
         if not self.filepath:
             raise BimVerifyError("No file name was given. Choose where to write the IFC file.")
-        path = Path(bpy.path.abspath(self.filepath)).with_suffix(".ifc")
-        inputs.refuse(context.scene, path)
+        path = named(self.filepath, ".ifc")
+        report = path.with_name(f"{path.stem}_report") if self.with_report else None
         made = read_mockup(context.scene)
+        inputs.refuse(context.scene, path, *([report / PAGE] if report else []), beside=[f.image for f in made.facades])
+        pictures = read_pictures(context.scene) if report else []
 
         def work(progress: Progress) -> Written:
-            with whole_file(path) as temporary:
-                write_mockup(temporary, made, path.name)
+            with all_or_none():
+                write_mockup(path, made)
+                if report is not None:
+                    write_facade_report(report, with_pictures(made, pictures))
                 progress.check()
             return Written(path, made)
 

@@ -49,6 +49,16 @@ class FileJob(Job[T]):
         return super().execute(context)
 
 
+def named(filepath: str, *endings: str) -> Path:
+    """The file that a person named, with the first of ``endings`` added where the name has none of them.
+
+    Added and not put in the place of another one: ``house.v2`` becomes ``house.v2.ifc``, and not a ``house.ifc`` that the
+    browser never asked about.
+    """
+    path = Path(bpy.path.abspath(filepath))
+    return path if not endings or path.suffix.lower() in endings else path.with_name(path.name + endings[0])
+
+
 def idle(cls: type[bpy.types.Operator]) -> bool:
     """Part of every ``poll``: nothing else runs."""
     if SESSION.job is not None:

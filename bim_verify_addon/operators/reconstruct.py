@@ -17,7 +17,7 @@ from ...core.options import ReconstructOptions
 from ...core.progress import Progress
 from .. import bonsai, inputs, project
 from ..jobs import Work
-from .file_browser import FileJob, has_scans, idle
+from .file_browser import FileJob, has_scans, idle, named
 from .import_ifc import adopt_model
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ class BIMVERIFY_OT_reconstruct(FileJob[Made], bpy.types.Operator):
         settings = context.scene.bim_verify
         if not self.filepath:
             raise BimVerifyError("No file name was given. Choose where to write the IFC file.")
-        path, paths = Path(bpy.path.abspath(self.filepath)).with_suffix(".ifc"), project.scan_paths(settings)
+        path, paths = named(self.filepath, ".ifc"), project.scan_paths(settings)
         compared = bpy.path.abspath(self.reference) if self.reference else ""
         inputs.refuse(context.scene, path, beside=[compared])
         common = project.options(settings)

@@ -13,7 +13,7 @@ from ...core.files import all_or_none
 from ...core.progress import Progress
 from .. import inputs, project
 from ..jobs import Work
-from .file_browser import FileJob, has_result, idle
+from .file_browser import FileJob, has_result, idle, named
 
 if TYPE_CHECKING:
     from ...core.results import VerificationResult
@@ -28,8 +28,6 @@ class ResultFile(FileJob[str]):
     """Added to the model's name for the proposed file name."""
     suffixes: ClassVar[tuple[str, ...]] = ()
     """Allowed; the first is taken where none was given. Empty: a folder."""
-    inside: ClassVar[tuple[str, ...]] = ()
-    """Files of such a folder."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -39,6 +37,10 @@ class ResultFile(FileJob[str]):
         """Read what is needed (main thread) and return what writes; it gives one sentence for the status bar."""
         raise NotImplementedError
 
+    def inside(self) -> tuple[str, ...]:
+        """Files that are written into such a folder."""
+        return ()
+
     def proposed(self, context: bpy.types.Context) -> Path:
         source = Path(project.model_path(context.scene.bim_verify) or "model.ifc")
         return source.with_name(f"{source.stem}{self.ending}")
@@ -46,11 +48,9 @@ class ResultFile(FileJob[str]):
     def prepare(self, context: bpy.types.Context) -> Work[str]:
         if not self.filepath:
             raise BimVerifyError("No file name was given. Choose where to write.")
-        path = Path(bpy.path.abspath(self.filepath))
-        if self.suffixes and path.suffix.lower() not in self.suffixes:
-            path = path.with_name(path.name + self.suffixes[0])
+        path = named(self.filepath, *self.suffixes)
         result, write = project.result(context.scene), self.writer(context)
-        inputs.refuse(context.scene, path, *(path / name for name in self.inside))
+        inputs.refuse(context.scene, path, *(path / name for name in self.inside()))
 
         def work(progress: Progress) -> str:
             with all_or_none():

@@ -11,9 +11,9 @@ from bpy.props import BoolProperty, StringProperty
 from ...core.errors import BimVerifyError
 from ...core.files import whole_file
 from ...core.progress import Progress
-from .. import bonsai, project
+from .. import bonsai, inputs, project
 from ..jobs import Work
-from .file_browser import FileJob, has_model, idle
+from .file_browser import FileJob, has_model, idle, named
 
 
 class BIMVERIFY_OT_undo_update(FileJob[str], bpy.types.Operator):
@@ -44,9 +44,8 @@ class BIMVERIFY_OT_undo_update(FileJob[str], bpy.types.Operator):
 
         if not self.filepath:
             raise BimVerifyError("No file name was given. Choose where to write the IFC file.")
-        path, source = Path(bpy.path.abspath(self.filepath)).with_suffix(".ifc"), project.model_path(context.scene.bim_verify)
-        if source and path.resolve() == Path(source).resolve():
-            raise BimVerifyError(f"{path} is the model, which is never written to. Give another name.")
+        path, source = named(self.filepath, ".ifc"), project.model_path(context.scene.bim_verify)
+        inputs.refuse(context.scene, path)
         folder, copy = bonsai.live_copy() or (nullcontext(), None)
 
         def work(progress: Progress) -> str:

@@ -35,6 +35,7 @@ from .overlap import ABSENT_OVERLAP, overlap
 from .own_evidence import OwnEvidence, find_touching, own_evidence, shows_standing
 from .parts import Parts
 from .shared_surface import find_shared
+from .turned_surface import find_turned
 from .verdict import verdict
 
 Seen = Literal["STANDS", "GONE", "MOVED", "PART", "UNSEEN"]
@@ -125,6 +126,7 @@ def look_at_elements(
     shared = find_shared(model, found.samples, surfaces, parts)
     origins = scenery.origins(found.seen)
     touching = find_touching(found.seen, model, found.samples, origins, surfaces, window, sigma, parts)
+    turned = find_turned(found.seen, model, found.samples, surfaces, stations, sensor_model(sigma), window)
     planned = PlannedPlaces.of(
         found.seen, origins, found.samples, scene, surfaces, window, registration_sigma, len(model.elements)
     )
@@ -133,7 +135,8 @@ def look_at_elements(
         others, either = touching.split(known_gone)
         own = own_evidence(
             found.seen.explained_too(others), found.samples, origins, surfaces,
-            shared.in_doubt(len(found.samples), known_gone), either, window, registration_sigma, len(model.elements),
+            shared.in_doubt(len(found.samples), known_gone), np.concatenate([either, turned]), window, registration_sigma,
+            len(model.elements),
         )
         elements = tuple(
             _sight(model, row, plan, best, float(exposed[row]), tolerance, context, own,
@@ -160,10 +163,8 @@ def _sight(
             seen, place.at, plan.beyond, exposed, vector if where else None, reason, silent, own.share(row)
         )
 
-    if best is not plan and _found(best, plan, overlap(model, row, best.shift), context, own, row):
-        if length <= tolerance and overlap(model, row, best.fit.vector) > ABSENT_OVERLAP:
-            near = f"It stands {1000 * length:.0f} mm from its planned place, which voxels do not tell apart."
-            return sight("STANDS", near, best)
+    at_plan = length <= tolerance and overlap(model, row, best.fit.vector) > ABSENT_OVERLAP  # voxels do not tell it apart
+    if best is not plan and not at_plan and _found(best, plan, overlap(model, row, best.shift), context, own, row):
         left = planned.left(row, best.fit.vector, int(own.beams_through[row]))
         slid = best.at == plan.at  # the strip that it freed was seen
         if slid or left.passed:

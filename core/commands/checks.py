@@ -46,13 +46,19 @@ def zero_or_more(values: dict[str, Any], *keys: str) -> None:
 def input_options(values: dict[str, Any]) -> dict[str, Any]:
     """What the common arguments say of ``options.InputOptions``, checked."""
     larger_than_zero(values, "memory_gb")
-    if values["threads"] < 0:
-        raise BimVerifyError(f"--threads must be zero (all) or more, not {values['threads']}.")
+    threads = checked_threads(values)
     frame = {"scan_frame": values["frame"]} if "frame" in values else {}
     return {
-        **frame, "origin": parse_origin(values["origin"]), "threads": values["threads"], "memory_gb": values["memory_gb"],
+        **frame, "origin": parse_origin(values["origin"]), "threads": threads, "memory_gb": values["memory_gb"],
         "cache": not values["no_cache"],
     }
+
+
+def checked_threads(values: dict[str, Any]) -> int:
+    """``--threads``, zero or more."""
+    if values["threads"] < 0:
+        raise BimVerifyError(f"--threads must be zero (all) or more, not {values['threads']}.")
+    return int(values["threads"])
 
 
 def _option(key: str) -> str:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
 from ..progress import Progress
-from .checks import check_outputs, check_report, larger_than_zero
+from .checks import check_outputs, check_report, checked_threads, larger_than_zero
 from .table import Argument, Command, Outcome, Values
 
 
@@ -23,43 +25,30 @@ def parse_corners(text: str) -> NDArray[np.float64]:
 
 
 def _facade(values: Values, progress: Progress) -> Outcome:
-    from ..facade.footprint import read_footprint
-    from ..facade.mockup import mockup, write_mockup
+    from ..facade.mockup import write_mockup
     from ..facade.report import facade_to_plain, summary, write_facade_report
-    from ..jobs.facade import FacadeOptions, facade
+    from ..jobs.facade import FacadeOptions, facade_mockup
     from ..report.page_frame import PAGE
 
-    larger_than_zero(values, "width", "height", "floor_height")
+    larger_than_zero(values, "width", "height", "floor_height", "memory_gb")
     images = values["image"]
-    outline = values["footprint"]
-    if outline and values["width"]:
-        raise BimVerifyError("The edges of --footprint give the widths of the facades; leave out --width, or the footprint.")
-    if values["floor_height"] and (outline or values["width"] or values["height"]):
-        raise BimVerifyError("--floor-height sets the scale where no length is known; leave it out, or the length.")
-    inputs = [*images, *([outline] if outline and outline.lower().endswith("json") else [])]
+    outline = values["footprint"] or ""
+    inputs = [*images, *([outline] if outline.lower().endswith("json") else [])]
     outputs = [values[key] for key in ("out", "json") if values[key]]
     check_outputs(inputs, outputs)
     if values["report"]:
         check_report(values["report"], (PAGE,), inputs, outputs)
-    footprint, notes = read_footprint(outline) if outline else (None, [])
-    if footprint is None and len(images) > 1:
-        raise BimVerifyError("Several facades need the outline they stand on; give --footprint, a corner list or GeoJSON.")
-    widths: list[float | None] = []
-    if footprint is not None:
-        if len(images) > len(footprint):
-            raise BimVerifyError(f"The footprint has {len(footprint)} edges, fewer than the {len(images)} images.")
-        sides = np.linalg.norm(np.roll(footprint, -1, axis=0) - footprint, axis=1)
-        widths = [float(v) for v in sides[: len(images)]]
     options = FacadeOptions(
         corners=tuple(parse_corners(text) for text in values["corners"] or ()),
         width=values["width"],
         height=values["height"],
         floor_height=values["floor_height"],
+        threads=checked_threads(values),
+        memory_gb=values["memory_gb"],
     )
-    found = facade(images, options, progress.part(0.0, 0.9), widths)
-    made = mockup(found, footprint)
+    made, notes = facade_mockup(images, options, outline, values["crs"] or "", progress.part(0.0, 0.9))
     lines = [summary(made)]
-    for one in found:
+    for one in made.facades:
         lines.append(
             f"{one.image}: {one.scale.width:.2f} x {one.scale.height:.2f} m (scale from {one.scale.source.lower()}, one sigma "
             f"{100 * one.scale.relative_sigma:.1f} %), elements {one.arrangement_x} along x, {one.arrangement_z} along z."
@@ -73,7 +62,8 @@ def _facade(values: Values, progress: Progress) -> Outcome:
         if values["report"]:
             write_facade_report(values["report"], made)
 
-    return Outcome(lines, {"facades": [facade_to_plain(f) for f in made.facades]}, made, write)
+    place = None if made.place is None else asdict(made.place)
+    return Outcome(lines, {"facades": [facade_to_plain(f) for f in made.facades], "map": place}, made, write)
 
 
 COMMAND = Command(
@@ -89,9 +79,12 @@ COMMAND = Command(
         Argument("--height", "height of the facade, metres", float),
         Argument("--floor-height", "height from floor to floor, metres", float),
         Argument("--footprint", "outline of the building, X,Y X,Y X,Y counter-clockwise in metres, or a GeoJSON file"),
+        Argument("--crs", "name of the map that a footprint in map coordinates is of, as EPSG:25832"),
         Argument("--report", "folder for the report (one HTML page)"),
         Argument("--json", "write what was found to this file"),
         Argument("--quiet", "show no progress", flag=True),
+        Argument("--threads", "processor threads to use (0: all)", int, 0),
+        Argument("--memory-gb", "memory for a photo, gigabytes; one that takes more is refused", float, 3.0),
     ),
     _facade,
 )

@@ -10,12 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
+from .arrangement import arrangement
+from .features import features
+from .footprint import MapPlace
 from .mockup import Mockup, mockup
+from .read_facade import profiles
 from .records import Facade, FacadeBox, Scale
 
 
 def corrected(
-    facades: Sequence[dict[str, Any]], boxes: Sequence[Sequence[FacadeBox]], footprint: NDArray[np.float64] | None
+    facades: Sequence[dict[str, Any]], boxes: Sequence[Sequence[FacadeBox]], footprint: NDArray[np.float64] | None,
+    place: MapPlace | None = None,
 ) -> Mockup:
     """The mock-up of facades as ``facade_to_plain`` writes them, with other boxes. Types and storeys' openings are new.
 
@@ -23,7 +28,21 @@ def corrected(
     """
     if not any(boxes):
         raise BimVerifyError("No window or door is left on any facade; keep at least one, or read the photos again.")
-    return mockup([replace(_from_plain(f), boxes=tuple(b)) for f, b in zip(facades, boxes, strict=True)], footprint)
+    made = [
+        replace(_from_plain(f), boxes=tuple(b), arrangement_x=arrangement(b, "x"), arrangement_z=arrangement(b, "z"))
+        for f, b in zip(facades, boxes, strict=True)
+    ]
+    return mockup(made, footprint, place)
+
+
+def with_pictures(made: Mockup, pictures: Sequence[NDArray[np.uint8]]) -> Mockup:
+    """The same with the rectified pictures (H, W, 3) of its facades, their profiles and plants, for the report."""
+    facades = []
+    for facade, picture in zip(made.facades, pictures, strict=True):
+        seen = features(picture, picture.shape[1] / facade.scale.width)
+        across, up = profiles(seen)
+        facades.append(replace(facade, picture=picture, profile_x=across, profile_z=up, vegetation=seen.vegetation))
+    return replace(made, facades=facades)
 
 
 def _from_plain(data: dict[str, Any]) -> Facade:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,18 +21,49 @@ Array = NDArray[np.float64]
 LARGEST_FILE = 16 << 20
 SHORTEST_M = 0.5
 EARTH_M = 6378137.0
+FAR_M = 1000.0
+"""A footprint whose first corner lies farther from zero is in map coordinates; models are kept near zero."""
+UNKNOWN_MAP = "unknown"
 
 
-def read_footprint(text: str) -> tuple[Array, list[str]]:
-    """(N, 2) corners in metres, counter-clockwise seen from above, of a GeoJSON file or of ``X,Y X,Y X,Y ...``, and notes.
+@dataclass(frozen=True)
+class MapPlace:
+    """Where the model's zero lies on the map."""
+
+    easting: float
+    northing: float
+    """Metres."""
+    crs: str
+    """Name of the map's reference system, as ``EPSG:25832``."""
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """Corners near zero, (N, 2) in metres, counter-clockwise seen from above, and what a person should know of them."""
+
+    corners: Array
+    place: MapPlace | None
+    notes: tuple[str, ...]
+
+    def widths(self, images: int) -> list[float]:
+        """Lengths of its first edges, one an image [m]; raises BimVerifyError where it has fewer."""
+        if images > len(self.corners):
+            raise BimVerifyError(f"The footprint has {len(self.corners)} edges, fewer than the {images} images.")
+        sides = np.linalg.norm(np.roll(self.corners, -1, axis=0) - self.corners, axis=1)
+        return [float(v) for v in sides[:images]]
+
+
+def read_footprint(text: str, crs: str = "") -> Footprint:
+    """The footprint of a GeoJSON file or of ``X,Y X,Y X,Y ...`` in metres.
 
     A file with degrees (every coordinate within their range, as GeoJSON has them) is laid flat around its first corner.
-    Raises BimVerifyError.
+    Map coordinates are brought near zero by whole metres; ``crs`` names their map, where the file does not. Raises
+    BimVerifyError.
     """
     if Path(text).suffix.lower() in (".geojson", ".json"):
-        rows, holes = _of_file(Path(text))
+        rows, holes, named = _of_file(Path(text))
     else:
-        holes = 0
+        holes, named = 0, ""
         try:
             rows = np.array([[float(v) for v in pair.split(",")] for pair in text.replace(";", " ").split()], dtype=np.float64)
         except ValueError as error:
@@ -51,10 +83,18 @@ def read_footprint(text: str) -> tuple[Array, list[str]]:
         notes.append(
             "The footprint runs clockwise and was turned: the first photo is on the edge between its first and its last corner."
         )
-    return np.asarray(ring), notes
+    if not crs and np.abs(ring[0]).max() <= FAR_M:
+        return Footprint(np.asarray(ring), None, tuple(notes))
+    place = MapPlace(float(np.round(ring[0, 0])), float(np.round(ring[0, 1])), crs or named or UNKNOWN_MAP)
+    if place.crs == UNKNOWN_MAP:
+        notes.append(
+            "The footprint is in map coordinates of a map that is not named; give --crs, so that other programs can place it."
+        )
+    return Footprint(np.asarray(ring) - [place.easting, place.northing], place, tuple(notes))
 
 
-def _of_file(path: Path) -> tuple[Array, int]:
+def _of_file(path: Path) -> tuple[Array, int, str]:
+    """Corners, number of courtyards, name of the map; empty where none is named."""
     content: Any = read_json(path, "a footprint", LARGEST_FILE)
     try:
         features = content["features"] if content["type"] == "FeatureCollection" else [content]
@@ -67,4 +107,13 @@ def _of_file(path: Path) -> tuple[Array, int]:
         raise BimVerifyError(f"{path} holds no polygon that can be read; a footprint is a GeoJSON Polygon.") from error
     if len(rows) and np.abs(rows[:, 0]).max() <= 180 and np.abs(rows[:, 1]).max() <= 90 and np.ptp(rows, axis=0).max() < 0.05:
         rows = np.radians(rows - rows[0]) * EARTH_M * [math.cos(math.radians(float(rows[0, 1]))), 1.0]
-    return np.asarray(rows), len(found[0].interiors)
+    return np.asarray(rows), len(found[0].interiors), _map_name(content)
+
+
+def _map_name(content: Any) -> str:
+    """Of the ``crs`` that files in map coordinates have; ``urn:ogc:def:crs:EPSG::25832`` is EPSG:25832."""
+    try:
+        name = str(content["crs"]["properties"]["name"])
+    except (KeyError, TypeError):
+        return ""
+    return f"EPSG:{name.rsplit(':', 1)[1]}" if "EPSG:" in name.upper() else name

@@ -18,6 +18,8 @@ from ..reconstruction.building import ASSUMED, BuiltSlab, BuiltStorey, BuiltWall
 from ..reconstruction.openings import Opening
 from ..reconstruction.write_ifc import LEAF_M, NAMESPACE, THROUGH_M, TIME_STAMP, building_file
 from .classify import group_types
+from .footprint import MapPlace
+from .grammar import grammar_of
 from .records import Facade, FacadeBox
 
 Array = NDArray[np.float64]
@@ -42,6 +44,8 @@ class Mockup:
     """Name of a wall, the same on all storeys, to the facade on it."""
     footprint: Array | None = None
     """(N, 2) outer corners, counter-clockwise from above; None: one wall along x from the origin."""
+    place: MapPlace | None = None
+    """Where the model's zero lies on the map, if that is known."""
 
     def base(self, index: int) -> tuple[Array, Array]:
         """Left lower end (2,) of a facade seen from outside, and the unit vector (2,) along it."""
@@ -56,7 +60,9 @@ def wall_base(footprint: Array | None, index: int) -> tuple[Array, Array]:
     return a, (b - a) / np.linalg.norm(b - a)
 
 
-def mockup(facades: list[Facade], footprint: Array | None = None, thickness: float = THICKNESS_M) -> Mockup:
+def mockup(
+    facades: list[Facade], footprint: Array | None = None, place: MapPlace | None = None, thickness: float = THICKNESS_M
+) -> Mockup:
     """Walls of all edges of the footprint, the first of them with the facades; a single wall where there is none."""
     facades = alike(facades)
     if footprint is None:
@@ -110,7 +116,8 @@ def mockup(facades: list[Facade], footprint: Array | None = None, thickness: flo
                 slabs.append(BuiltSlab(inside, top, SLAB_M, "ROOF", fit))
         storeys.append(BuiltStorey(name, base, top, tuple(walls), (), tuple(slabs), ()))
     building = Reconstruction(np.zeros(3), tuple(storeys), 0, 0, tuple(f.image for f in facades))
-    return Mockup(facades, building, filled, {f"Wall {k + 1}": f for k, f in enumerate(facades[:edges])}, footprint)
+    walls_of = {f"Wall {k + 1}": f for k, f in enumerate(facades[:edges])}
+    return Mockup(facades, building, filled, walls_of, footprint, place)
 
 
 def alike(facades: list[Facade]) -> list[Facade]:
@@ -172,6 +179,9 @@ class _Enrich:
                 self._arch(filling, box)
         for number, group in sorted(members.items()):
             self._type(number, group)
+        if made.place is not None:
+            self._on_map(made.place)
+        grammars = {name: grammar_of(facade).text() for name, facade in made.walls.items()}
         for wall in f.by_type("IfcWall"):
             if (facade := made.walls.get(wall.Name)) is not None:
                 scale = facade.scale
@@ -182,8 +192,20 @@ class _Enrich:
                     "AspectSigma": ("IfcNormalisedRatioMeasure", min(scale.aspect_sigma, 1.0)),
                     "FacadeWidth": ("IfcLengthMeasure", scale.width), "FacadeHeight": ("IfcLengthMeasure", scale.height),
                     "Arrangement": ("IfcLabel", f"x {facade.arrangement_x}, z {facade.arrangement_z}"),
+                    "Grammar": ("IfcText", grammars[wall.Name]),
                     "Method": ("IfcLabel", f"bim_verify {__version__}"),
                 })  # fmt: skip
+
+    def _on_map(self, place: MapPlace) -> None:
+        f = self.file
+        (model,) = (
+            c for c in f.by_type("IfcGeometricRepresentationContext", include_subtypes=False) if c.ContextType == "Model"
+        )
+        f.create_entity(
+            "IfcMapConversion", SourceCRS=model, TargetCRS=f.create_entity("IfcProjectedCRS", Name=place.crs),
+            Eastings=place.easting, Northings=place.northing, OrthogonalHeight=0.0, XAxisAbscissa=1.0, XAxisOrdinate=0.0,
+            Scale=1.0,
+        )  # fmt: skip
 
     def _id(self) -> str:
         import ifcopenshell.guid

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
+from .arrangement import arrangement
 from .boxes import find_boxes
 from .classify import (
     STOREY_SIGMA,
@@ -23,11 +24,9 @@ from .classify import (
 from .features import Features, features
 from .floor_scale import scale_by_floors
 from .pixel_box import PixelBox
-from .records import Arrangement, Array, CornerSource, Facade, FacadeBox, Scale
+from .records import Array, CornerSource, Facade, FacadeBox, Scale
 from .rectify import CORNER_SIGMA_PX, aspect_ratio, check_inside, order_corners, rectify
 
-CONNECTED_M = 0.6
-"""Elements are connected along an axis when what is between them is narrower than this."""
 GIVEN_FLOOR_SIGMA, GROUND_FLOOR_SIGMA = 0.02, 0.1
 """Of a given floor height; and of the distance between the two lowest rows of windows, as a share of the floor height."""
 MAKE_PX, LEAST_PX = 120, 60
@@ -64,7 +63,6 @@ def read_picture(
     picture = rectify(image, ring, aspect)
     warnings: list[str] = []
     across = width or (height / aspect if height else None)
-    boxes, seen = [], None
     source: Literal["WIDTH", "HEIGHT", "BOTH", "FLOORHEIGHT"] = "BOTH" if width and height else "WIDTH" if width else "HEIGHT"
     relative = corner_sigma / float(np.ptp(ring[:, 1 if source == "HEIGHT" else 0]))
     if across is None:
@@ -93,22 +91,28 @@ def read_picture(
     hidden = float(seen.vegetation.mean())
     if hidden > 0.05:
         warnings.append(f"Plants hide {100 * hidden:.0f} % of the facade; what is behind is taken from its neighbours.")
-    profile_x, profile_z = (np.abs(v).mean(axis=a) for v, a in ((seen.horizontal, 0), (seen.vertical, 1)))
+    profile_x, profile_z = profiles(seen)
     return Facade(
         name,
         tuple(found),
         levels,
         scale,
-        _arrangement(found, "x"),
-        _arrangement(found, "z"),
+        arrangement(found, "x"),
+        arrangement(found, "z"),
         ring,
         picture,
-        profile_x / max(float(profile_x.max()), 1e-9),
-        profile_z / max(float(profile_z.max()), 1e-9),
+        profile_x,
+        profile_z,
         seen.vegetation,
         warnings,
         corner_source,
     )
+
+
+def profiles(seen: Features) -> tuple[Array, Array]:
+    """Gradients across and up, summed along the other direction, 0 to 1."""
+    across, up = (np.abs(v).mean(axis=a) for v, a in ((seen.horizontal, 0), (seen.vertical, 1)))
+    return across / max(float(across.max()), 1e-9), up / max(float(up.max()), 1e-9)
 
 
 def _to_metres(seen: Features, boxes: list[PixelBox], scale: Scale) -> list[FacadeBox]:
@@ -124,19 +128,3 @@ def _to_metres(seen: Features, boxes: list[PixelBox], scale: Scale) -> list[Faca
             rise, 0, box.inferred,
         ))  # fmt: skip
     return out
-
-
-def _arrangement(boxes: list[FacadeBox], axis: str) -> Arrangement:
-    """Connected: most elements are closer to the next one along the axis than a pier of a wall is wide."""
-    other = "z" if axis == "x" else "x"
-    gaps = []
-    for a in boxes:
-        ahead = [
-            getattr(b, f"{axis}0") - getattr(a, f"{axis}1")
-            for b in boxes
-            if getattr(b, f"{axis}0") >= getattr(a, f"{axis}1") - 0.05
-            and min(getattr(a, f"{other}1"), getattr(b, f"{other}1")) > max(getattr(a, f"{other}0"), getattr(b, f"{other}0"))
-        ]
-        if ahead:
-            gaps.append(min(ahead))
-    return "connected" if gaps and float(np.median(gaps)) < CONNECTED_M else "separated"

@@ -11,6 +11,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from ..report.plain_page import Section, write_page
+from .grammar import grammar_of
 from .mockup import Mockup, size_sigma
 from .records import Facade
 
@@ -48,6 +49,12 @@ def write_facade_report(folder: str | Path, made: Mockup) -> Path:
                 drawing=_image(box_picture(facade)),
             )
         )
+        split = grammar_of(facade)
+        sections.append(Section(
+            f"Facade {number}: split grammar",
+            f"Floors, tiles and what is in them, metres; ~ sizes share what is left. {split.notes()}",
+            drawing=Markup('<pre style="white-space:pre-wrap">{}</pre>').format(split.text()),
+        ))  # fmt: skip
         if facade.warnings:
             sections.append(Section(f"Facade {number}: to know", " ".join(facade.warnings)))
     boxes = [b for f in made.facades for b in f.boxes]
@@ -141,7 +148,7 @@ def _image(picture: NDArray[np.uint8]) -> Markup:
 
 def facade_to_plain(facade: Facade) -> dict[str, Any]:
     """As plain values; metres, wall frame, and pixels of the image."""
-    scale = facade.scale
+    scale, split = facade.scale, grammar_of(facade)
     return {
         "image": facade.image,
         "corners_px": facade.corners.tolist(),
@@ -154,6 +161,9 @@ def facade_to_plain(facade: Facade) -> dict[str, Any]:
         "corner_source": facade.corner_source,
         "arrangement_x": facade.arrangement_x,
         "arrangement_z": facade.arrangement_z,
+        "grammar": split.text().splitlines(),
+        "grammar_error_m": split.largest_error,
+        "grammar_left_out": len(split.left_out),
         "warnings": facade.warnings,
         "picture_px": [facade.picture.shape[1], facade.picture.shape[0]],
         "elements": [

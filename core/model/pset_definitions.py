@@ -148,6 +148,7 @@ TEMPLATES: dict[str, tuple[str, dict[str, tuple[str, str]]]] = {
             "FacadeWidth": (LENGTH, "Width of the rectified facade; on walls"),
             "FacadeHeight": (LENGTH, "Height of the rectified facade; on walls"),
             "Arrangement": (LABEL, "Connected or separated, along x and z; on walls"),
+            "Grammar": (TEXT, "Split grammar of the facade, one rule a line; on walls"),
             "Shape": (LABEL, "ARCHED or RECTANGULAR; on windows and doors"),
             "WidthSigma": (LENGTH, "Standard deviation of the width; on windows and doors"),
             "HeightSigma": (LENGTH, "Standard deviation of the height; on windows and doors"),

@@ -182,7 +182,7 @@ def test_after_the_job_colours_slider_numbers_and_files(
     assert bpy.ops.bim_verify.export_change(filepath=str(tmp_path / "table"), model=False, page=False, voxels=False,
                                             remaining=False) == {"FINISHED"}
     assert [path.name for path in (tmp_path / "table").iterdir()] == ["change.json"]
-    with pytest.raises(RuntimeError, match="Give another folder"):
+    with pytest.raises(RuntimeError, match="Give a folder"):
         bpy.ops.bim_verify.export_change(filepath=str(folder / "change.json"))
     change_scene.forget(blender)
     assert not bpy.ops.bim_verify.export_change.poll()

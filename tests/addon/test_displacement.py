@@ -117,3 +117,36 @@ def test_it_can_be_saved_without_a_window(found: DisplacementResult, tmp_path: P
     save_blend(found, path)
     with bpy.data.libraries.load(str(path)) as (inside, _):
         assert {"Wall column 0", "Wall column 1"} <= set(inside.objects)
+
+
+def test_it_is_written_as_a_table_and_a_report(
+    blender: bpy.types.Scene, found: DisplacementResult, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    assert not ops.export_displacement.poll()
+    monkeypatch.setattr(job, "displacement", lambda *_: found)
+    run(blender)
+    path = tmp_path / "moved.csv"
+    assert ops.export_displacement(filepath=str(path)) == {"FINISHED"}
+    assert len(path.read_text().splitlines()) == 1 + 4
+    assert "Column" in (tmp_path / "moved_report" / "index.html").read_text()
+    assert ops.export_displacement(filepath=str(tmp_path / "alone.csv"), with_report=False) == {"FINISHED"}
+    assert not (tmp_path / "alone_report").exists()
+    blender.bim_verify_displacement.base = str(path)
+    before = path.read_bytes()
+    with pytest.raises(RuntimeError, match="is an input"):
+        ops.export_displacement(filepath=str(path))
+    assert path.read_bytes() == before
+    wall_scene.forget(blender)
+    assert not ops.export_displacement.poll()
+
+
+def test_a_point_on_the_wall_is_handed_on(
+    blender: bpy.types.Scene, found: DisplacementResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = []
+    monkeypatch.setattr(job, "displacement", lambda *values: given.append(values[2].near) or found)
+    blender.bim_verify_displacement.near = "1, 2.5, 3"
+    run(blender)
+    assert given == [(1.0, 2.5, 3.0)]
+    with pytest.raises(RuntimeError, match="Near takes three"):
+        run(blender, near="1,2")

@@ -84,3 +84,48 @@ def test_what_the_pattern_gave_stays_inferred_until_it_is_moved(
     assert [b.inferred for b in facade_scene.read_mockup(blender).facades[0].boxes].count(True) == 1
     next(i for i in blender.objects if facade_scene.INFERRED_KEY in i).location.z += 0.1
     assert not any(b.inferred for b in facade_scene.read_mockup(blender).facades[0].boxes)
+
+
+def test_several_photos_stand_on_a_footprint_in_map_coordinates(blender: bpy.types.Scene, tmp_path: Path) -> None:
+    photos = [photo_of(tmp_path, seed, size=600) for seed in (3, 9)]
+    w = [p.plan.width for p in photos]
+    corners = ";".join(",".join(f"{v:.1f}" for v in p.corners.ravel()) for p in photos)
+    east, north = 691000.0, 5334000.0
+    ring = [(east, north), (east + w[0], north), (east + w[0], north + w[1]), (east, north + w[1])]
+    blender.bim_verify_facade.footprint = " ".join(f"{x},{y}" for x, y in ring)
+    done = ops.facade(
+        directory=str(tmp_path), files=[{"name": p.path.name} for p in photos], corners=corners, crs="EPSG:25832",
+    )  # fmt: skip
+    assert done == {"FINISHED"}
+    assert {i[facade_scene.BOX_KEY] for i in blender.objects if facade_scene.BOX_KEY in i} == {0, 1}
+    path = tmp_path / "house.ifc"
+    assert ops.write_facade(filepath=str(path)) == {"FINISHED"}
+    file = ifcopenshell.open(str(path))
+    assert {v.RelatingBuildingElement.Name for v in file.by_type("IfcRelVoidsElement")} == {"Wall 1", "Wall 2"}
+    (conversion,) = file.by_type("IfcMapConversion")
+    assert (conversion.Eastings, conversion.Northings, conversion.TargetCRS.Name) == (east, north, "EPSG:25832")
+    with pytest.raises(RuntimeError, match="footprint"):
+        ops.facade(directory=str(tmp_path), files=[{"name": p.path.name} for p in photos], footprint="")
+
+
+def test_the_report_shows_the_corrected_rectangles(
+    blender: bpy.types.Scene, read: list[bpy.types.Object], tmp_path: Path
+) -> None:
+    (picture,) = facade_scene.read_pictures(blender)
+    assert picture.std() > 10
+    bpy.data.objects.remove(read[0])
+    assert ops.write_facade(filepath=str(tmp_path / "made.ifc"), with_report=True) == {"FINISHED"}
+    page = (tmp_path / "made_report" / "index.html").read_text()
+    assert page.count("data:image/jpeg;base64,") == 2
+    assert "Facade -&gt; split(z)" in page
+    photo = tmp_path / "photo.ifc"
+    data = blender[facade_scene.DATA_KEY]
+    blender[facade_scene.DATA_KEY] = data.replace(next(tmp_path.glob("*.png")).name, photo.name)
+    photo.write_text("an input")
+    with pytest.raises(RuntimeError, match="is an input"):
+        ops.write_facade(filepath=str(photo))
+    blender[facade_scene.DATA_KEY] = data
+    bpy.data.objects.remove(next(i for i in blender.objects if facade_scene.PHOTO_KEY in i))
+    with pytest.raises(RuntimeError, match="was deleted"):
+        ops.write_facade(filepath=str(tmp_path / "again.ifc"), with_report=True)
+    assert not (tmp_path / "again.ifc").exists()

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from bim_verify.bim_verify_addon import ifc_edits, scene
+from bim_verify.bim_verify_addon.operators.file_browser import named
 from bim_verify.bim_verify_addon.operators.verify import BIMVERIFY_OT_verify
 from bim_verify.bim_verify_addon.surface_grid import make_display
 from bim_verify.core.results import VerificationResult
@@ -30,12 +31,18 @@ def test_no_file_that_the_scene_reads_is_written_to(verified: bpy.types.Scene, t
         entry = verified.bim_verify.scans.add()
         entry.path, entry.use = str(given), kind == "scan"
     elif kind == "reference":
-        verified.bim_verify_change.reference = str(given)
+        verified.bim_verify_change.references.add().path = str(given)
     else:
         verified.bim_verify_displacement.base = str(given)
     with pytest.raises(RuntimeError, match="is an input and is never written to"):
         ops.export_table(filepath=str(given))
     assert given.read_text() == "1,2,3\n"
+
+
+def test_an_ending_is_added_and_takes_no_place_of_another() -> None:
+    assert named("/x/house.v2", ".ifc") == Path("/x/house.v2.ifc")
+    assert named("/x/house.IFC", ".ifc") == Path("/x/house.IFC")
+    assert named("/x/report.v2") == Path("/x/report.v2")
 
 
 def test_a_report_replaces_no_scan_in_its_folder(verified: bpy.types.Scene, tmp_path: Path) -> None:

@@ -27,6 +27,8 @@ def test_a_photo_becomes_a_model_a_report_and_data(tmp_path: Path, capsys: pytes
     assert file.header.file_name.name == "mockup.ifc"
     found = json.loads(data.read_text())["facades"][0]
     assert len(found["elements"]) == len(file.by_type("IfcWindow")) + len(file.by_type("IfcDoor"))
+    assert found["grammar"][0].startswith("Facade -> split(z)")
+    assert found["grammar_error_m"] <= 0.1
     assert len(found["levels_m"]) == len(photo.plan.levels)
     page = (tmp_path / "report" / "index.html").read_text()
     assert page.count("data:image/jpeg;base64,") == 2
@@ -41,6 +43,10 @@ def test_a_photo_becomes_a_model_a_report_and_data(tmp_path: Path, capsys: pytes
         (["--corners", "0,0,10,0,20,0,30,0"], "convex"),
         (["--corners", "0,0,9,0,9,9,0,9"], "smaller than"),
         (["--width", "-3"], "--width"),
+        (["--threads", "-1"], "--threads"),
+        (["--memory-gb", "0"], "--memory-gb"),
+        (["--memory-gb", "0.5"], "larger --memory-gb"),
+        (["--crs", "EPSG:25832"], "--footprint"),
         (["--footprint", "0,0 1,1"], "three corners"),
         (["--footprint", "nothing.geojson"], "nothing.geojson"),
     ],
@@ -72,7 +78,7 @@ def test_two_facades_stand_on_their_footprint(tmp_path: Path) -> None:
     out = tmp_path / "house.ifc"
     corners = [",".join(f"{v:.1f}" for v in p.corners.ravel()) for p in photos]
     code = main([
-        "facade", *(str(p.path) for p in photos), "--out", str(out), "--corners", *corners, "--quiet",
+        "facade", *(str(p.path) for p in photos), "--out", str(out), "--corners", *corners, "--quiet", "--threads", "1",
         "--footprint", f"0,0 {w[0]},0 {w[0]},{w[1]} 0,{w[1]}",
     ])  # fmt: skip
     assert code == 0

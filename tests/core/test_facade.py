@@ -22,6 +22,7 @@ from bim_verify.core.facade.records import Facade, FacadeBox
 from bim_verify.core.facade.rectify import aspect_ratio, order_corners
 from bim_verify.core.facade.report import facade_to_plain
 from bim_verify.core.jobs.facade import FacadeOptions, facade, read_color
+from bim_verify.core.model.load import load_model
 from bim_verify.core.reconstruction.shapes import read_shapes
 
 from .facade_data import Photo, photo_of
@@ -138,7 +139,7 @@ def box_facade(width: float = 10.0, kind: str = "window") -> Facade:
 
 def test_the_mockup_is_a_valid_building_of_typed_openings(tmp_path: Path) -> None:
     path = tmp_path / "mockup.ifc"
-    corners, _ = read_footprint("0,0 10,0 10,8 0,8")
+    corners = read_footprint("0,0 10,0 10,8 0,8").corners
     write_mockup(path, mockup([box_facade(), box_facade(8.0)], corners))
     file = ifcopenshell.open(str(path))
     logger = ifcopenshell.validate.json_logger()
@@ -163,6 +164,7 @@ def test_the_mockup_is_a_valid_building_of_typed_openings(tmp_path: Path) -> Non
     }  # fmt: skip
     check_templates(file, "BimVerify_Facade")
     assert values["ScaleSource"] == "WIDTH"
+    assert values["Grammar"].startswith("Facade -> split(z) { 3.000 : Floor1 | 3.000 : Floor2 }\nFloor1 -> split(x)")
     assert values["ScaleSigma"] == pytest.approx(0.002)
 
 
@@ -174,7 +176,7 @@ def test_the_same_photo_gives_the_same_file(tmp_path: Path) -> None:
 
 def test_no_order_of_chance_in_the_file() -> None:
     """Entities hash by the place of their file in memory: several files that live at once are at several places."""
-    corners, _ = read_footprint("0,0 10,0 10,8 0,8")
+    corners = read_footprint("0,0 10,0 10,8 0,8").corners
     files = [mockup_file(mockup([box_facade(), box_facade(8.0)], corners)) for _ in range(4)]
     first = files[0].to_string().split("DATA;")[1]
     assert all(f.to_string().split("DATA;")[1] == first for f in files[1:])
@@ -199,14 +201,15 @@ def test_a_corrected_mockup_has_the_new_boxes() -> None:
 
 
 def test_footprints(tmp_path: Path) -> None:
-    clockwise, notes = read_footprint("0,0 0,5 8,5 8,0")
-    assert "clockwise" in notes[0]
-    assert np.array_equal(clockwise, [[0, 0], [8, 0], [8, 5], [0, 5]])
+    clockwise = read_footprint("0,0 0,5 8,5 8,0")
+    assert "clockwise" in clockwise.notes[0]
+    assert clockwise.place is None
+    assert np.array_equal(clockwise.corners, [[0, 0], [8, 0], [8, 5], [0, 5]])
     path = tmp_path / "plan.geojson"
     path.write_text(
         '{"type":"Polygon","coordinates":[[[11.0,48.0],[11.0001,48.0],[11.0001,48.0001],[11.0,48.0001],[11.0,48.0]]]}'
     )
-    ring, _ = read_footprint(str(path))
+    ring = read_footprint(str(path)).corners
     assert np.linalg.norm(ring[1] - ring[0]) == pytest.approx(7.45, abs=0.05)
     for bad in ("0,0 1,1", "0,0 5,5 5,0 0,5", "a,b c,d e,f"):
         with pytest.raises(BimVerifyError):
@@ -221,12 +224,40 @@ def test_one_outline_is_a_footprint_several_are_not(tmp_path: Path) -> None:
     hole = [[300, 300], [600, 300], [600, 600], [300, 600], [300, 300]]
     path = tmp_path / "plan.geojson"
     path.write_text(json.dumps({"type": "Polygon", "coordinates": [square, hole]}))
-    ring, notes = read_footprint(str(path))
-    assert len(ring) == 4
-    assert "courtyard" in notes[0]
+    outline = read_footprint(str(path))
+    assert len(outline.corners) == 4
+    assert "courtyard" in outline.notes[0]
     path.write_text(json.dumps({"type": "MultiPolygon", "coordinates": [[square], [[[x + 2000, y] for x, y in square]]]}))
     with pytest.raises(BimVerifyError, match="2 outlines"):
         read_footprint(str(path))
+
+
+def test_map_coordinates_stay_out_of_the_geometry(tmp_path: Path) -> None:
+    """UTM: the model lies near its zero, and says where that is; read back, its corner is where the footprint has it."""
+    plan, path = tmp_path / "plan.geojson", tmp_path / "mockup.ifc"
+    ring = [[691000.25, 5334000.5], [691010.25, 5334000.5], [691010.25, 5334008.5], [691000.25, 5334008.5]]
+    plan.write_text(json.dumps({
+        "type": "Polygon", "coordinates": [[*ring, ring[0]]],
+        "crs": {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::25832"}},
+    }))  # fmt: skip
+    outline = read_footprint(str(plan))
+    assert not outline.notes
+    assert np.abs(outline.corners).max() < 20
+    write_mockup(path, mockup([box_facade()], outline.corners, outline.place))
+    file = ifcopenshell.open(str(path))
+    logger = ifcopenshell.validate.json_logger()
+    ifcopenshell.validate.validate(file, logger)
+    assert logger.statements == []
+    assert max(abs(c) for p in file.by_type("IfcCartesianPoint") for c in p.Coordinates) < 20
+    model = load_model(path)
+    assert model.map_conversion is not None
+    assert model.map_conversion.name == "EPSG:25832"
+    low = model.bounds[0] + model.origin
+    assert model.map_conversion.to_map(low[None])[0, :2] == pytest.approx(ring[0], abs=1e-3)
+    near = read_footprint("691000,5334000 691010,5334000 691010,5334008")
+    assert near.place is not None
+    assert "not named" in near.notes[0]
+    assert read_footprint("691000,5334000 691010,5334000 691010,5334008", "EPSG:25832").notes == ()
 
 
 def test_a_photo_is_read_upright_and_corners_outside_it_are_refused(tmp_path: Path) -> None:
