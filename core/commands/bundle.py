@@ -12,7 +12,7 @@ from .table import Argument, Command, Outcome, Values
 
 
 def _bundle(values: Values, progress: Progress) -> Outcome:
-    from ..imagery.bundle_project import adjusted_project
+    from ..imagery.bundle_project import adjusted_project, imported_files
     from ..imagery.bundle_report import summary, write_bundle_report
     from ..jobs.bundle import ModelEdges, bundle
     from ..report.json_out import to_plain, write_document
@@ -24,7 +24,7 @@ def _bundle(values: Values, progress: Progress) -> Outcome:
     if bool(images) != bool(values["model"]):
         raise BimVerifyError("--model and --edges belong together: give the model and images that show its edges, or neither.")
     larger_than_zero(values, "position_sigma_m", "rotation_sigma_deg")
-    inputs = [values["project"], *images, *([values["model"]] if values["model"] else [])]
+    inputs = [values["project"], *imported_files(values["project"]), *images, *([values["model"]] if values["model"] else [])]
     outputs = [values["out"], *([values["json"]] if values["json"] else [])]
     check_outputs(inputs, outputs)
     if values["report"]:

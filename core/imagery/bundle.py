@@ -34,6 +34,9 @@ ENOUGH = 1e-10
 """Relative decrease of the weighted squares that ends the iteration."""
 NOTHING_LEFT = 1e-9
 """Weighted squares per observation that are rounding: the observations have no noise."""
+FEWEST_RAYS, NEARLY_NOTHING = 2, 1e-6
+"""A point with fewer rays that are no outliers keeps all of them with this weight: it says nothing of the cameras, its own
+sigma says how little is known of it, and the others are adjusted."""
 LEAST_SPREAD = 0.1
 """Of the stated sigma: a smaller spread of the residuals makes no observation an outlier."""
 
@@ -100,6 +103,7 @@ def adjust_bundle(
     problem.check()
     progress = progress or Progress()
     work = _Workspace(problem, terms)
+    work.check_start()
     damping, cost = 1e-4, work.cost()
     for number in range(1, MOST_ROUNDS + 1):
         progress.update(number / (MOST_ROUNDS + 5), f"Bundle adjustment, round {number}")
@@ -173,6 +177,16 @@ class _Workspace:
     def left(self) -> Floats:
         return residuals(*self._seen, self.camera, self.point, self.pixel)
 
+    def check_start(self) -> None:
+        """Raise BimVerifyError where a start value cannot be seen: no step would be found from there."""
+        blind = np.flatnonzero(~np.isfinite(self.left()).all(axis=1))
+        if len(blind):
+            first = f"point {self.point[blind[0]]}, {self.cameras[self.camera[blind[0]]].name}"
+            raise BimVerifyError(
+                f"{len(np.unique(self.point[blind]))} points start behind a camera that observes them ({first}). Correct their "
+                "coordinates or leave these observations out."
+            )
+
     def _control_squares(self) -> float:
         away = self.target - self.points
         return float(np.einsum("pi,pij,pj->", away, self.known, away))
@@ -187,6 +201,9 @@ class _Workspace:
         spread = max(float(np.median(size)) / 1.1774, LEAST_SPREAD)
         self.robust = np.minimum(1.0, 2.5 * spread / np.maximum(size, 1e-12))
         self.robust[size > 10.0 * spread] = 0.0
+        kept = np.bincount(self.point[self.robust > 0.0], minlength=len(self.points))
+        lost = (kept < FEWEST_RAYS) & ~self.known.any(axis=(1, 2))
+        self.robust[lost[self.point]] = NEARLY_NOTHING
 
     def _normals(self, damping: float) -> tuple[Floats, Floats, Floats, Floats]:
         pull = np.einsum("pij,pj->pi", self.known, self.target - self.points)

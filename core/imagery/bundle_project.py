@@ -84,6 +84,18 @@ def problem_of(content: dict[str, Any], source: Path) -> BundleProblem:
     return problem
 
 
+def imported_files(path: str | Path) -> list[str]:
+    """The files that a project takes from elsewhere: that which it names, those of its folder, those beside a list of images.
+
+    Raises BimVerifyError where the project cannot be read.
+    """
+    place = _import_path(read_json_object(Path(path), "a bundle project", LARGEST_FILE), Path(path))
+    if place is None or not place.exists():
+        return []
+    inside = sorted(place.iterdir()) if place.is_dir() else [place, *sorted(place.parent.glob("*.txt"))]
+    return [str(file) for file in inside if file.is_file()]
+
+
 def _import_path(content: dict[str, Any], source: Path) -> Path | None:
     if "import" not in content:
         return None

@@ -61,11 +61,12 @@ def estimate_with_elements(
     rows = np.arange(len(matches))
     blocks = own.reshape(len(matches), 2, len(matches), 2)[rows, :, rows, :]
     pairs = value.reshape(-1, 2)
+    if_right = covariance[:6, :6]
     if mistaken_px > 0.0:
         covariance = covariance + spread_without_each(covariance, design, np.linalg.inv(cov), value)
     test = np.einsum("nk,nkl,nl->n", pairs, np.linalg.pinv(blocks, hermitian=True), pairs)
     spread = float(np.sqrt(covariance[6, 6])) * camera.interior.fx if focal else None
-    return PoseEstimate(camera, covariance[:6, :6], factor, redundancy, test, spread)
+    return PoseEstimate(camera, covariance[:6, :6], factor, redundancy, test, spread, if_right)
 
 
 def _moved(camera: Camera, step: Vector) -> Camera:

@@ -27,6 +27,7 @@ class PoseEstimate:
 
     ``covariance`` (6, 6) of the rotation in the camera frame [rad] and the position in the world [m], scaled by no variance
     factor. ``test`` (N,) chi-square with two degrees for each match; ``focal_sigma`` [px] when the focal length was free.
+    ``if_right`` (6, 6) is the covariance if no match is wrong, where that is another one.
     """
 
     camera: Camera
@@ -35,6 +36,7 @@ class PoseEstimate:
     redundancy: int
     test: Vector
     focal_sigma: float | None = None
+    if_right: Vector | None = None
 
 
 @dataclass(frozen=True)

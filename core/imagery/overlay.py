@@ -12,6 +12,7 @@ from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
 from .camera import Camera
+from .read_image import eight_bits
 from .register_image import ImageRegistration
 from .visible_edges import VisibleEdges
 
@@ -47,7 +48,7 @@ def _picture(path: str | Path, draw_on: Any) -> str:
 
     with Image.open(path) as image:
         scale = min(WIDTH_PX / image.width, 1.0)
-        small = image.convert("RGB").resize((round(image.width * scale), round(image.height * scale)))
+        small = eight_bits(image).convert("RGB").resize((round(image.width * scale), round(image.height * scale)))
     draw_on(ImageDraw.Draw(small), scale)
     stream = io.BytesIO()
     small.save(stream, "JPEG", quality=80)

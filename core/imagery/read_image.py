@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,15 @@ from numpy.typing import NDArray
 from ..errors import BimVerifyError
 
 MOST_PIXELS = 250_000_000
+
+
+def eight_bits(image: Any) -> Any:
+    """The Pillow ``image`` with 8 bits a channel; 16 bits of grey, which its own conversion cuts off, are scaled."""
+    from PIL import Image
+
+    if not image.mode.startswith("I"):
+        return image
+    return Image.fromarray((np.asarray(image).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8))
 
 
 def read_grey(path: str | Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
@@ -29,7 +39,7 @@ def read_grey(path: str | Path, size: tuple[int, int] | None = None) -> NDArray[
                     f"{source} has {image.width} x {image.height} pixels, its interior orientation is for "
                     f"{size[0]} x {size[1]}; give the image as it was taken, or scale the interior orientation."
                 )
-            return np.asarray(image.convert("L"), dtype=np.uint8)
+            return np.asarray(eight_bits(image).convert("L"), dtype=np.uint8)
     except OSError as error:
         reason = error.strerror or "unknown format"
         raise BimVerifyError(f"Cannot read {source} as an image: {reason}. Check the file.") from error

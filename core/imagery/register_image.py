@@ -222,8 +222,11 @@ def _explained(found: _Settled, lines: ImageLines, coarse: KnownCamera, model_si
 
 
 def _is(pose: Camera, found: PoseEstimate) -> bool:
-    """Whether a pose is the ``found`` one, or differs by what its covariance leaves open."""
-    return _same(pose, found.camera) or _differ(pose, found.camera, found.covariance) <= FARTHEST
+    """Whether a pose is the ``found`` one, or differs by what its covariance leaves open if its matches are right.
+
+    What a wrong match may do does not count: a rival is there just because of one.
+    """
+    return _same(pose, found.camera) or _differ(pose, found.camera, _if_right(found)) <= FARTHEST
 
 
 def _one_place(rival: PoseEstimate, found: PoseEstimate) -> bool:
@@ -231,8 +234,12 @@ def _one_place(rival: PoseEstimate, found: PoseEstimate) -> bool:
 
     Farther off, that of a rival with few lines must not count: it allows anything.
     """
-    both = _differ(rival.camera, found.camera, rival.covariance + found.covariance)
+    both = _differ(rival.camera, found.camera, _if_right(rival) + _if_right(found))
     return both <= FARTHEST and _is(rival.camera, found)
+
+
+def _if_right(pose: PoseEstimate) -> Vector:
+    return pose.covariance if pose.if_right is None else pose.if_right
 
 
 def _differ(pose: Camera, other: Camera, covariance: Vector) -> float:

@@ -16,7 +16,7 @@ from ..facade.footprint import Footprint, read_footprint
 from ..facade.mockup import Mockup, mockup
 from ..facade.read_facade import read_picture
 from ..facade.records import Facade
-from ..imagery.read_image import MOST_PIXELS
+from ..imagery.read_image import MOST_PIXELS, eight_bits
 from ..progress import Progress
 
 Array = NDArray[np.float64]
@@ -142,7 +142,7 @@ def read_color(path: str | Path, memory_gb: float = 3.0) -> tuple[NDArray[np.uin
                     f"--memory-gb than {memory_gb:g}, or a smaller photo."
                 )
             stated = image.getexif().get_ifd(EXIF_TAG).get(FOCAL_35MM_TAG)
-            pixels = np.array(ImageOps.exif_transpose(image).convert("RGB"), dtype=np.uint8)
+            pixels = np.array(eight_bits(ImageOps.exif_transpose(image)).convert("RGB"), dtype=np.uint8)
     except OSError as error:
         reason = error.strerror or "unknown format"
         raise BimVerifyError(f"Cannot read {source} as an image: {reason}. Check the file.") from error

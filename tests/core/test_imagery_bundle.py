@@ -56,3 +56,34 @@ def test_without_control_the_datum_is_refused_in_a_sentence() -> None:
     problem, _ = bundle(0)
     with pytest.raises(BimVerifyError, match="datum"):
         adjust_bundle(replace(problem, control=Control.none(), free=()))
+
+
+def test_a_point_that_starts_behind_its_camera_is_refused_in_a_sentence() -> None:
+    problem, _ = bundle(0)
+    point, camera = int(problem.observed.point[0]), problem.cameras[int(problem.observed.camera[0])]
+    points = problem.points.copy()
+    points[point] = 2 * camera.position - points[point]
+    with pytest.raises(BimVerifyError, match="start behind a camera"):
+        adjust_bundle(replace(problem, points=points))
+
+
+def test_points_left_with_one_good_ray_do_not_take_the_others_along() -> None:
+    problem, truth = bundle(3)
+    seen = problem.observed
+    rank = np.zeros(len(seen), int)
+    for point in np.unique(seen.point):
+        rows = np.flatnonzero(seen.point == point)
+        rank[rows] = np.arange(len(rows))
+    keep = (rank < 2) | (seen.point < 60)
+    pixel = seen.pixel.copy()
+    gross = (seen.point >= 70) & (rank == 0)
+    pixel[gross] += 80.0
+    thin = replace(seen, camera=seen.camera[keep], point=seen.point[keep], pixel=pixel[keep], sigma=seen.sigma[keep])
+    found = adjust_bundle(replace(problem, observed=thin), robust=True)
+    sigma = np.sqrt(np.einsum("pii->p", found.point_covariance) / 3)
+    off = np.linalg.norm(found.points - truth, axis=1)
+    lost = np.unique(thin.point[found.weight < 0.01])
+    assert len(lost) >= 5 and (lost >= 60).all()
+    assert (sigma[lost] > 0.1).all() and (sigma[lost] < 100.0).all()
+    good = np.setdiff1d(np.arange(70), lost)
+    assert (off[good] < 5 * np.sqrt(3) * sigma[good]).all() and np.median(sigma[good]) < 0.01

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bim_verify.cli import main
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.imagery.bundle_problem import BundleProblem
 from bim_verify.core.imagery.bundle_project import adjusted_project, read_project
@@ -135,3 +136,12 @@ def test_a_colmap_model_that_is_cut_off_is_refused(tmp_path: Path) -> None:
     (tmp_path / "project.json").write_text(json.dumps({"import": "sparse"}))
     with pytest.raises(BimVerifyError, match="no COLMAP model that can be read"):
         read_project(tmp_path / "project.json")
+
+
+def test_the_files_that_a_project_imports_are_never_written_to(tmp_path: Path) -> None:
+    write_colmap(tmp_path / "sparse", bundle(0)[0], False)
+    (tmp_path / "p.json").write_text(json.dumps({"import": "sparse"}))
+    given = tmp_path / "sparse" / "points3D.txt"
+    before = given.read_bytes()
+    assert main(["bundle", str(tmp_path / "p.json"), "--out", str(given)]) == 1
+    assert given.read_bytes() == before

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.imagery.camera import Interior
 from bim_verify.core.imagery.detect_lines import detect_lines
 from bim_verify.core.imagery.model_edges import sharp_edges
+from bim_verify.core.imagery.read_image import read_grey
 from bim_verify.core.imagery.visible_edges import EdgeViewer
+from bim_verify.core.jobs.facade import read_color
 from bim_verify.core.simulation.box_building import box, building_model
 
 from .photo_data import camera, room
@@ -118,3 +122,11 @@ def test_a_line_where_elements_cut_through_each_other_is_seen() -> None:
         on = (np.abs(seen.start - [0, 4, height])[:, 1:] < 1e-6).all(axis=1) & (np.abs(seen.end[:, 2] - height) < 1e-6)
         assert np.linalg.norm(seen.end - seen.start, axis=1)[on].sum() > 4.0
     assert len(set(seen.line.tolist())) == len(seen)
+
+
+def test_grey_photos_of_16_bits_are_scaled_and_not_cut_off(tmp_path: Path) -> None:
+    grey = np.linspace(0, 65535, 64).astype(np.uint16)[None, :].repeat(4, axis=0)
+    for name in ("photo.png", "photo.tif"):
+        Image.fromarray(grey).save(tmp_path / name)
+        assert (read_grey(tmp_path / name) == grey >> 8).all()
+        assert (read_color(tmp_path / name)[0][:, :, 1] == grey >> 8).all()
