@@ -6,6 +6,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from ..core.options import MOST_MIN_POINTS, ChangeOptions
+from .shared_settings import LOA_ITEMS
 
 DEFAULTS = ChangeOptions()
 GROUPING_ITEMS = [
@@ -13,10 +14,7 @@ GROUPING_ITEMS = [
     ("EACH", "Each scan", "Every scan in the list is an epoch of its own, in the order of the list"),
     ("NUMBERED", "Numbered", "Scans with the same number are one epoch; lower numbers are earlier"),
 ]
-LOA_ITEMS = [
-    ("NONE", "None", "No level is asked for"),
-    *((str(level), f"LOA{level}", f"Warn when voxels cannot support LOA{level}") for level in (10, 20, 30, 40, 50)),
-]
+ASKED_ITEMS = [("NONE", "None", "No level is asked for"), *LOA_ITEMS]
 
 
 def _show_epoch(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
@@ -44,7 +42,7 @@ class BimVerifyChangeSettings(bpy.types.PropertyGroup):
         description="Like 2025-03-31, for scans that do not say it; what is planned is what should stand on that day",
     )
     loa: EnumProperty(
-        name="Level asked for", items=LOA_ITEMS, default="NONE",
+        name="Level asked for", items=ASKED_ITEMS, default="NONE",
         description="Level of accuracy that the result is wanted for: warns when voxels cannot support it",
     )
     registration_known: BoolProperty(

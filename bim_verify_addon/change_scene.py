@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import bpy
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +29,8 @@ LIFT = 0.03
 NAMES = {CONFIRMED: "Confirmed", NEW: "New", DISAPPEARED: "Disappeared", UNKNOWN: "Unknown"}
 
 
-def show_change(target: bpy.types.Scene, result: ChangeResult) -> None:
-    """Show elements and voxels of a comparison; what an earlier one showed is replaced."""
+def show_change(target: bpy.types.Scene, result: ChangeResult, only: Collection[str] | None = None) -> None:
+    """Show elements (of the GlobalIds ``only``) and voxels of a comparison; what an earlier one showed of them is replaced."""
     objects = scene.objects_of(target, result.model)
     series = [*([result.reference] if result.reference else []), *result.epochs]
     columns = [epoch.states for epoch in series]
@@ -36,9 +38,9 @@ def show_change(target: bpy.types.Scene, result: ChangeResult) -> None:
     if result.reference:
         columns.append(tuple(e.state for e in result.elements))
         names.append("change")
-    for row, found in enumerate(result.elements):
-        item = objects.get(found.global_id)
-        if item is not None:
+    for row, (key, found) in enumerate(zip(scene.keys(result.model), result.elements, strict=True)):
+        item = objects.get(key)
+        if item is not None and (only is None or found.global_id in only):
             item[STATES_KEY] = " ".join(column[row] for column in columns)
             item[NUMBERS_KEY] = "\n".join(f"{name}\t{value}" for name, value in _numbers(found))
             item[REASON_KEY] = found.reason

@@ -11,14 +11,15 @@ from . import bonsai
 from .session import SESSION, Edit
 
 
-def put(context: bpy.types.Context, name: str, edit: Edit) -> None:
-    """``name``: of the operator; what it found before is replaced."""
+def put(context: bpy.types.Context, name: str, edit: Edit, *, adds: bool = False) -> None:
+    """``name``: of the operator; what it found before is replaced, or stays under this one where this ``adds`` to it."""
     bonsai.change_file(context, name, edit)
     kept = context.scene.bim_verify.edits
     entry = next((e for e in kept if e.step == name), None) or kept.add()
-    entry.step, entry.key = name, SESSION.keep_edit(name, edit)
+    earlier = SESSION.edits.get(entry.key, ()) if adds else ()
+    entry.step, entry.key = name, SESSION.keep_edits((*earlier, edit))
 
 
 def kept(scene: bpy.types.Scene) -> list[Edit]:
     """Those that are in memory, in the order in which the steps were done first."""
-    return [SESSION.edits[entry.key][1] for entry in scene.bim_verify.edits if entry.key in SESSION.edits]
+    return [edit for entry in scene.bim_verify.edits for edit in SESSION.edits.get(entry.key, ())]

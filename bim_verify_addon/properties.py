@@ -19,17 +19,11 @@ from bpy.props import (
 from ..core.options import VerifyOptions
 from ..core.results import LEVELS
 from .capabilities import CAPABILITIES, MODES
+from .shared_settings import LOA_ITEMS
 
 DEFAULTS = VerifyOptions()
 DEFAULT_DISPLAY_VERTICES = 1_000_000
 
-LOA_ITEMS = [
-    ("10", "LOA10", "Within 5 cm to 15 cm (95 %)"),
-    ("20", "LOA20", "Within 15 mm to 5 cm (95 %)"),
-    ("30", "LOA30", "Within 5 mm to 15 mm (95 %)"),
-    ("40", "LOA40", "Within 1 mm to 5 mm (95 %)"),
-    ("50", "LOA50", "Within 1 mm (95 %)"),
-]
 ALIGN_ITEMS = [
     ("none", "None", "The scans are in the model's frame already; a shift stays visible as a deviation"),
     ("fine", "Fine", "From a rough pose (about 0.5 m, 5 degrees) to the best fit; elements that moved do not pull"),
@@ -200,7 +194,7 @@ class BimVerifySettings(bpy.types.PropertyGroup):
         default=DEFAULT_DISPLAY_VERTICES,
         min=10_000,
         soft_max=10_000_000,
-        description="About how many vertices the coloured surfaces may have together",
+        description="Most vertices that the coloured surfaces may have together",
     )
     color_mode: EnumProperty(
         name="Colour by",

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 if TYPE_CHECKING:
     from ..core.change.results import ChangeResult
     from ..core.model.elements import BuildingModel
+    from ..core.planning.results import PlanResult
+    from ..core.quality.results import QualityResult
     from ..core.results import AlignmentRecord, VerificationResult
     from ..core.wall_displacement.result import DisplacementResult
 
@@ -23,9 +25,9 @@ Edit = Callable[["Any"], object]
 RESULTS_KEPT = 3
 """Results are large; undo steps farther back ask to verify again."""
 COMPARISONS_KEPT = 1
-"""Their voxels can fill gigabytes."""
-EDITS_KEPT = 16
-"""One an operator, over all scenes."""
+"""Their voxels, and the query positions of a survey, can fill gigabytes."""
+EDITS_KEPT = 32
+"""Over all scenes; they hold property sets and no evidence."""
 
 
 @dataclass
@@ -58,8 +60,12 @@ class Session:
     """``scene.bim_verify_change.result_key`` -> comparison."""
     walls: dict[str, DisplacementResult] = field(default_factory=dict)
     """``scene[wall_scene.RESULT_KEY]`` -> how a wall moved."""
-    edits: dict[str, tuple[str, Edit]] = field(default_factory=dict)
-    """``scene.bim_verify.edits[...].key`` -> the operator, and what it has to write into the model."""
+    edits: dict[str, tuple[Edit, ...]] = field(default_factory=dict)
+    """``scene.bim_verify.edits[...].key`` -> what an operator has to write into the model."""
+    surveys: dict[str, QualityResult] = field(default_factory=dict)
+    """``scene[survey_scene.SURVEY_KEY]`` -> scan quality."""
+    plans: dict[str, PlanResult] = field(default_factory=dict)
+    """``scene[survey_scene.PLAN_KEY]`` -> where to stand."""
     alignments: dict[str, AlignmentRecord] = field(default_factory=dict)
     job: RunningJob | None = None
     ending: threading.Thread | None = None
@@ -77,10 +83,17 @@ class Session:
         """The same for a wall's displacement."""
         return _keep(self.walls, result, RESULTS_KEPT)
 
-    def keep_edit(self, name: str, edit: Edit) -> str:
-        """The same for what an operator has to write into the model; its latest only, since it may hold a comparison."""
-        self.edits = {key: kept for key, kept in self.edits.items() if kept[0] != name}
-        return _keep(self.edits, (name, edit), EDITS_KEPT)
+    def keep_survey(self, result: QualityResult) -> str:
+        """The same for what the scans are worth."""
+        return _keep(self.surveys, result, COMPARISONS_KEPT)
+
+    def keep_plan(self, result: PlanResult) -> str:
+        """The same for a plan."""
+        return _keep(self.plans, result, RESULTS_KEPT)
+
+    def keep_edits(self, edits: tuple[Edit, ...]) -> str:
+        """The same for what an operator has to write into the model."""
+        return _keep(self.edits, edits, EDITS_KEPT)
 
     def clear(self) -> None:
         """Forget everything (another file was opened, or the extension was disabled)."""
@@ -89,6 +102,8 @@ class Session:
         self.comparisons.clear()
         self.walls.clear()
         self.edits.clear()
+        self.surveys.clear()
+        self.plans.clear()
         self.alignments.clear()
         self.job = None
 

@@ -21,6 +21,8 @@ VERTICES_ALONG = 6.0
 """The same per allowed edge along a triangle much narrower than it."""
 COARSE_M = 0.25
 """A coarser grid hardly shows where on an element something is wrong; a note says that there is one."""
+LEAST_STEP = 1.1
+"""Of making edges longer, so that few rounds are needed."""
 FEWEST_CELLS = 200
 """A small element gets at least about this many cells, so that its pattern is more than one colour."""
 SIDES_APART_M = 5e-4
@@ -69,11 +71,10 @@ class Display:
 
 
 def make_display(result: VerificationResult, budget: int, progress: Progress | None = None) -> Display:
-    """The grid for this result with about ``budget`` vertices, and the samples' values on it."""
+    """The grid for this result with at most ``budget`` vertices, and the samples' values on it."""
     progress = progress or Progress()
     progress.update(0.0, "Making the coloured surfaces")
-    edge = edge_lengths(result.model, result.options.sample_spacing, budget)
-    grid = build_grid(result.model, edge, progress.part(0.0, 0.3))
+    grid, edge = grid_within(result.model, result.options.sample_spacing, budget, progress.part(0.0, 0.3))
     values = interpolate(grid, result.samples, result.evidence, progress.part(0.3, 1.0))
     _follow_the_shift(result, grid, values)
     coarse = f"The colours of a surface are up to {edge.max():.1f} m apart: raise 'Result vertices' in the expert settings."
@@ -90,8 +91,21 @@ def _follow_the_shift(result: VerificationResult, grid: SurfaceGrid, values: Gri
             values.deviation[at] = np.where(np.isnan(values.deviation[at]), shift, values.deviation[at])
 
 
+def grid_within(
+    model: BuildingModel, spacing: float, budget: int, progress: Progress | None = None
+) -> tuple[SurfaceGrid, NDArray[np.float64]]:
+    """The grid with at most ``budget`` vertices, unless the model's own corners are more, and (E,) its edges [m]."""
+    edge = edge_lengths(model, spacing, budget)
+    while True:
+        grid = build_grid(model, edge, progress)
+        over = len(grid.vertices) / budget
+        if over <= 1.0 or len(grid.triangles) == len(model.triangles):
+            return grid, edge
+        edge = edge * max(np.sqrt(over), LEAST_STEP)
+
+
 def edge_lengths(model: BuildingModel, spacing: float, budget: int) -> NDArray[np.float64]:
-    """(E,) longest allowed edge per element, metres: twice the sample spacing, or more to keep to ``budget`` vertices.
+    """(E,) longest allowed edge per element, metres: twice the sample spacing, or more to come near ``budget`` vertices.
 
     A small element has shorter edges, so that it still shows a pattern; down to a third of the common length.
     """
@@ -106,7 +120,7 @@ def edge_lengths(model: BuildingModel, spacing: float, budget: int) -> NDArray[n
         vertices = np.maximum(1.0, np.maximum(VERTICES_PER_CELL * area / own**2, VERTICES_ALONG * longest / own))
         if vertices.sum() <= budget or common >= longest.max():
             return edge
-        common *= 1.1
+        common *= LEAST_STEP
 
 
 def build_grid(model: BuildingModel, edge: NDArray[np.float64], progress: Progress | None = None) -> SurfaceGrid:

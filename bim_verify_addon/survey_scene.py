@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..core.progress import Progress
 from . import frame, project, scene
-from .surface_grid import FACING_WEIGHT_M, SurfaceGrid, build_grid, edge_lengths
+from .surface_grid import FACING_WEIGHT_M, SurfaceGrid, grid_within
 
 if TYPE_CHECKING:
     from ..core.quality.results import QualityResult
@@ -29,6 +29,9 @@ CONE_LENGTH_M = 0.6
 CONE_SIDES = 24
 SUMMARY_KEY = "bim_verify_survey"
 """On the scene: what the last survey or plan found, in one sentence."""
+
+SURVEY_KEY, PLAN_KEY = "bim_verify_survey_result", "bim_verify_plan_result"
+"""On the scene: they name the last survey and the last plan in memory."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ class Marker:
 def make_survey_display(
     result: QualityResult, budget: int, progress: Progress | None = None, spacing: float | None = None
 ) -> SurveyDisplay:
-    """Carry what is known of the query positions to a grid of about ``budget`` vertices; for a worker thread.
+    """Carry what is known of the query positions to a grid of at most ``budget`` vertices; for a worker thread.
 
     ``spacing`` [m]: of the query positions that the grid is made for; that of a verification gives the same vertices as it.
     """
@@ -67,8 +70,7 @@ def make_survey_display(
     from ..core.quality.json_out import CAUSE_COLORS, sample_causes
 
     progress = progress or Progress()
-    edge = edge_lengths(result.model, spacing or result.options.sample_spacing, budget)
-    grid = build_grid(result.model, edge, progress.part(0, 0.4))
+    grid, _ = grid_within(result.model, spacing or result.options.sample_spacing, budget, progress.part(0, 0.4))
     samples = result.samples
     rows = np.flatnonzero(samples.exposed)
     causes = sample_causes(result)
@@ -94,8 +96,10 @@ def make_survey_display(
     return SurveyDisplay(grid, cause, covered, distance_between)
 
 
-def show_quality(target: bpy.types.Scene, result: QualityResult, display: SurveyDisplay) -> str:
-    """Show on every element what is missing and why, mark the stations, and return one sentence."""
+def show_quality(
+    target: bpy.types.Scene, result: QualityResult, display: SurveyDisplay, only: Collection[str] | None = None
+) -> str:
+    """Show on every element (of the GlobalIds ``only``) what is missing and why, mark the stations; one sentence."""
     from ..core.quality.levels import ACTIONS  # here: enabling the extension must not wait for its libraries
     from . import paint
 
@@ -103,7 +107,7 @@ def show_quality(target: bpy.types.Scene, result: QualityResult, display: Survey
     grid = display.grid
     for index, key in enumerate(scene.keys(result.model)):
         item = existing.get(key)
-        if item is None:
+        if item is None or (only is not None and result.elements[index].global_id not in only):
             continue
         at = slice(int(grid.vertex_start[index]), int(grid.vertex_start[index + 1]))
         of = slice(int(grid.triangle_start[index]), int(grid.triangle_start[index + 1]))
@@ -129,7 +133,8 @@ def show_quality(target: bpy.types.Scene, result: QualityResult, display: Survey
 
 def forget(target: bpy.types.Scene) -> None:
     """What was found on the elements is no more; stations stay, they belong to the scans or to a plan."""
-    target.pop(SUMMARY_KEY, None)
+    for key in (SUMMARY_KEY, SURVEY_KEY, PLAN_KEY):
+        target.pop(key, None)
     for item in scene.element_objects(target).values():
         for key in ELEMENT_KEYS:
             item.pop(key, None)

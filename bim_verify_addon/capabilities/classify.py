@@ -6,26 +6,19 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import StringProperty
 
 from .. import project
 from .. import scene as scenery
 from ..capability import Capability, Step, StepState
+from ..shared_settings import ClassifyChoices
 from ..step_parts import main_button, missing, reached
 
 
-class BimVerifyClassifySettings(bpy.types.PropertyGroup):
+class BimVerifyClassifySettings(ClassifyChoices, bpy.types.PropertyGroup):
     """Of one scene."""
 
     summary: StringProperty()
-    as_built: BoolProperty(
-        name="As built",
-        description="Verify first, and look for moved elements where they stand and not for absent ones",
-    )
-    per_station: BoolProperty(
-        name="A scan per station",
-        description="E57: one scan for each element and station, with that station's pose",
-    )
 
 
 def _state(scene: bpy.types.Scene) -> StepState:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import StringProperty
 
 from .. import scene as scenery
 from ..capability import Capability, Step, StepState
 from ..colors import Category, categorical
+from ..shared_settings import ReportBeside
 from ..step_parts import main_button, missing, reached
 from ..text import signed_millimetres
 
@@ -24,13 +25,10 @@ MATCHED, EXTRA = "MATCHED", "EXTRA"
 DIFFERENCES = ("Middle off", "Longer", "Wider", "Higher")
 
 
-class BimVerifyCompareSettings(bpy.types.PropertyGroup):
+class BimVerifyCompareSettings(ReportBeside, bpy.types.PropertyGroup):
     """Of one scene."""
 
     summary: StringProperty()
-    with_report: BoolProperty(
-        name="Report", description="Also write a report, into a folder beside the scene's file, or beside the model"
-    )
 
 
 def mark(scene: bpy.types.Scene, comparison: Comparison) -> None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
+from bpy.props import EnumProperty, FloatProperty, StringProperty
 
 from ...core.report import palette
 from .. import wall_scene
 from ..capability import Capability, Step, StepState
 from ..colors import Legend, scale_of
+from ..shared_settings import ReportBeside, WallChoice
 from ..step_parts import main_button, reached
 from ..text import wrapped
 
@@ -19,7 +20,7 @@ def _recolor(settings: bpy.types.PropertyGroup, _context: bpy.types.Context) -> 
     wall_scene.recolor(settings.id_data)
 
 
-class BimVerifyDisplacementSettings(bpy.types.PropertyGroup):
+class BimVerifyDisplacementSettings(WallChoice, ReportBeside, bpy.types.PropertyGroup):
     """Of one scene."""
 
     base: StringProperty(name="Base", subtype="FILE_PATH", description="Scan of the base epoch")
@@ -29,17 +30,6 @@ class BimVerifyDisplacementSettings(bpy.types.PropertyGroup):
     registration_sigma_mm: FloatProperty(
         name="Registration sigma (mm)", default=1.0, min=0.0, max=999.0,
         description="Standard deviation of the registration between the epochs, millimetres",
-    )
-    element: StringProperty(
-        name="Element",
-        description="GlobalId of the wall in the model, in the scans' frame: it gets the property set; empty: the largest "
-        "upright surface",
-    )
-    near: StringProperty(
-        name="Near", description="X,Y,Z of a point on the wall in metres, where the scans hold several; empty: the largest"
-    )
-    with_report: BoolProperty(
-        name="Report", default=True, description="Also write a report, into a folder beside the file (_report)"
     )
     direction: EnumProperty(
         name="Colours",

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
+from bpy.props import EnumProperty, FloatProperty, StringProperty
 
 from .. import facade_scene
 from ..capability import Capability, Step, StepState
+from ..shared_settings import FacadeInputs, ReportBeside
 from ..step_parts import main_button, reached
 
 
@@ -53,27 +54,10 @@ class BimVerifyFacadeBox(bpy.types.PropertyGroup):
     )
 
 
-class BimVerifyFacadeSettings(bpy.types.PropertyGroup):
+class BimVerifyFacadeSettings(FacadeInputs, ReportBeside, bpy.types.PropertyGroup):
     """Of one scene."""
 
     summary: StringProperty()
-    width: FloatProperty(name="Width", unit="LENGTH", min=0.0, description="Of the facade, metres; zero: not known")
-    height: FloatProperty(name="Height", unit="LENGTH", min=0.0, description="Of the facade, metres; zero: not known")
-    floor_height: FloatProperty(
-        name="Floor height", unit="LENGTH", min=0.0, description="Floor to floor, metres; zero: not known"
-    )
-    corners: StringProperty(
-        name="Corners",
-        description="X,Y,X,Y,X,Y,X,Y of the facade in pixels of the photo, those of several divided by ; - empty: found by "
-        "vanishing lines",
-    )
-    footprint: StringProperty(
-        name="Footprint", subtype="FILE_PATH",
-        description="Outline of the building, X,Y X,Y X,Y counter-clockwise in metres, or a GeoJSON file; the photos, by name, "
-        "are of its edges in order",
-    )
-    crs: StringProperty(name="Map", description="Of a footprint in map coordinates, as EPSG:25832; empty: not known")
-    with_report: BoolProperty(name="Report", description="Also write a report, into a folder beside the file (_report)")
 
 
 def _state(scene: bpy.types.Scene) -> StepState:

@@ -29,6 +29,9 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column = layout.column(align=True)
     column.operator("bim_verify.plan", icon="OUTLINER_OB_LIGHTPROBE")
     column.operator("bim_verify.simulate", icon="OUTLINER_OB_POINTCLOUD")
+    for key, name in ((survey_scene.SURVEY_KEY, "export_quality"), (survey_scene.PLAN_KEY, "export_plan")):
+        if key in context.scene:
+            column.operator(f"bim_verify.{name}", icon="EXPORT")
     item = context.object
     if item is not None and survey_scene.STATION_KEY in item:
         wrapped(layout.box(), context, f"{item[survey_scene.STATION_KEY]}: {item['note']}")

@@ -6,26 +6,19 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import StringProperty
 
 from .. import project
 from .. import scene as scenery
 from ..capability import Capability, Step, StepState
+from ..shared_settings import ReconstructOutputs
 from ..step_parts import main_button, missing, reached
 
 
-class BimVerifyReconstructSettings(bpy.types.PropertyGroup):
+class BimVerifyReconstructSettings(ReconstructOutputs, bpy.types.PropertyGroup):
     """Of one scene."""
 
     summary: StringProperty()
-    with_report: BoolProperty(name="Report", description="Also write a report, into a folder beside the file (_report)")
-    with_dimensions: BoolProperty(
-        name="Dimensions",
-        description="Also write a CSV beside the file (_dimensions): rooms and openings with 95 % intervals, corners, tests",
-    )
-    reference: StringProperty(
-        name="Compare with", subtype="FILE_PATH", description="IFC file that what was made is compared with; empty for none"
-    )
 
 
 def _state(scene: bpy.types.Scene) -> StepState:

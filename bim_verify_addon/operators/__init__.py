@@ -18,6 +18,7 @@ from .export_other import (
     BIMVERIFY_OT_export_templates,
     BIMVERIFY_OT_report,
 )
+from .export_survey import BIMVERIFY_OT_export_plan, BIMVERIFY_OT_export_quality
 from .facade import BIMVERIFY_OT_facade, BIMVERIFY_OT_write_facade
 from .import_ifc import BIMVERIFY_OT_import_ifc
 from .import_scan import BIMVERIFY_OT_import_scan, BIMVERIFY_OT_remove_scan
@@ -50,7 +51,9 @@ CLASSES = (
     BIMVERIFY_OT_step_finding,
     BIMVERIFY_OT_isolate_findings,
     BIMVERIFY_OT_quality,
+    BIMVERIFY_OT_export_quality,
     BIMVERIFY_OT_plan,
+    BIMVERIFY_OT_export_plan,
     BIMVERIFY_OT_simulate,
     BIMVERIFY_OT_reconstruct,
     BIMVERIFY_OT_compare,

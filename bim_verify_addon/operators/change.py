@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import bpy
+from bpy.props import BoolProperty
 
 from ...core.options import ChangeOptions
 from ...core.progress import Progress
-from .. import change_scene, ifc_edits, project, scene
+from .. import change_scene, ifc_edits, project, scene, selection
 from ..jobs import Job, Work
 from ..session import SESSION
 from .file_browser import has_model, has_scans, idle
@@ -26,6 +28,11 @@ class BIMVERIFY_OT_change(Job["ChangeResult"], bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     title = "Change"
 
+    selected_only: BoolProperty(
+        name="Selected elements only", default=False,
+        description="Say it of the selected elements; the others keep what they have. Voxels are those of the whole scan",
+    )
+
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return has_model(cls, context) and has_scans(cls, context) and idle(cls)
@@ -34,6 +41,7 @@ class BIMVERIFY_OT_change(Job["ChangeResult"], bpy.types.Operator):
         from ...core import jobs
         from ...core.change.planned import check_day
 
+        self.only = selection.chosen(context, self.selected_only)
         settings, own = context.scene.bim_verify, context.scene.bim_verify_change
         options = ChangeOptions(
             voxel=own.voxel_mm / 1000, min_points=own.min_points, sigma=settings.sigma_mm / 1000,
@@ -52,12 +60,15 @@ class BIMVERIFY_OT_change(Job["ChangeResult"], bpy.types.Operator):
         return work
 
     def finish(self, context: bpy.types.Context, value: ChangeResult) -> str:
-        from ...core.change.psets import apply_changes
+        from ...core.change.psets import PSET_NAME, change_entries
+        from ...core.model.property_sets import put_property_sets
 
-        ifc_edits.put(context, self.bl_idname, lambda file: apply_changes(file, value))
+        entries = change_entries(value, self.only)
+        put_entries = partial(put_property_sets, pset_name=PSET_NAME, entries=entries)
+        ifc_edits.put(context, self.bl_idname, put_entries, adds=self.only is not None)
         SESSION.models[context.scene.name] = value.model
         project.adopt_frame(context.scene, value.model)
-        change_scene.show_change(context.scene, value)
+        change_scene.show_change(context.scene, value, self.only)
         context.scene.bim_verify_change.result_key = SESSION.keep_comparison(value)
         scene.show_planned(context, False)
         scene.show_colors_in_views()

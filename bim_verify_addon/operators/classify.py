@@ -12,12 +12,13 @@ from ...core.options import ClassifyOptions
 from ...core.progress import Progress
 from .. import inputs, project
 from ..jobs import Work
+from ..shared_settings import ClassifyChoices
 from .file_browser import FileJob, has_model, has_scans, idle, named
 
 SUFFIXES = (".e57", ".las", ".laz")
 
 
-class BIMVERIFY_OT_classify(FileJob["tuple[str, str]"], bpy.types.Operator):
+class BIMVERIFY_OT_classify(ClassifyChoices, FileJob["tuple[str, str]"], bpy.types.Operator):
     """Assign every return to the element that it met and write the cloud: E57 element by element, LAS/LAZ with codes."""
 
     bl_idname = "bim_verify.classify"
@@ -25,19 +26,11 @@ class BIMVERIFY_OT_classify(FileJob["tuple[str, str]"], bpy.types.Operator):
     bl_description = "Assign every return to the element that it met and write the cloud, element by element"
     bl_options = {"REGISTER"}
     title = "Classify"
-    panel_settings = ("bim_verify_classify", "as_built", "per_station")
+    panel_settings = ("bim_verify_classify", *ClassifyChoices.__annotations__)
 
     filepath: StringProperty(name="File", subtype="FILE_PATH", description="The E57, LAS or LAZ file to write")
     filter_glob: StringProperty(default="*.e57;*.las;*.laz", options={"HIDDEN"})
     check_existing: BoolProperty(default=True, options={"HIDDEN"})
-    as_built: BoolProperty(
-        name="As built", default=False,
-        description="Verify first, and look for moved elements where they stand and not for absent ones",
-    )
-    per_station: BoolProperty(
-        name="A scan per station", default=False,
-        description="E57: one scan for each element and station, with that station's pose",
-    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

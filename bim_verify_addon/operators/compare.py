@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import StringProperty
 
 from ...core.errors import BimVerifyError
 from ...core.files import all_or_none
 from ...core.progress import Progress
 from .. import bonsai, paint, project
 from ..jobs import Work
+from ..shared_settings import ReportBeside
 from .file_browser import FileJob, has_model, idle
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ class Compared:
     report: Path | None
 
 
-class BIMVERIFY_OT_compare(FileJob[Compared], bpy.types.Operator):
+class BIMVERIFY_OT_compare(ReportBeside, FileJob[Compared], bpy.types.Operator):
     """Compare the model with another IFC file: what is in both, and the differences of places and sizes."""
 
     bl_idname = "bim_verify.compare"
@@ -41,10 +42,6 @@ class BIMVERIFY_OT_compare(FileJob[Compared], bpy.types.Operator):
 
     filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file that the model is compared with")
     filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
-    with_report: BoolProperty(
-        name="Report", default=False,
-        description="Also write a report, into a folder beside the scene's file, or beside the model",
-    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

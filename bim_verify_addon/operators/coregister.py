@@ -12,7 +12,7 @@ from ...core.errors import BimVerifyError
 from ...core.progress import Progress
 from .. import project
 from ..jobs import Work
-from ..properties import LOA_ITEMS
+from ..shared_settings import LOA_ITEMS
 from .file_browser import FileJob, has_model, idle
 
 if TYPE_CHECKING:

@@ -5,20 +5,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import StringProperty
 
 from ...core.errors import BimVerifyError
 from ...core.progress import Progress
 from .. import ifc_edits, project, scene, wall_scene
 from ..jobs import Job, Work
 from ..session import SESSION
+from ..shared_settings import WallChoice
 from .file_browser import idle
 
 if TYPE_CHECKING:
     from ...core.wall_displacement.result import DisplacementResult
 
 
-class BIMVERIFY_OT_displacement(Job["DisplacementResult"], bpy.types.Operator):
+class BIMVERIFY_OT_displacement(WallChoice, Job["DisplacementResult"], bpy.types.Operator):
     """Compare two scans of a panelled wall, joint by joint and between the joints, and colour the wall by it."""
 
     bl_idname = "bim_verify.displacement"
@@ -26,14 +26,7 @@ class BIMVERIFY_OT_displacement(Job["DisplacementResult"], bpy.types.Operator):
     bl_description = "Say how a panelled wall moved between two scans: its joints, and its face between them"
     bl_options = {"REGISTER", "UNDO"}
     title = "Wall displacement"
-    panel_settings = ("bim_verify_displacement", "element", "near")
-
-    element: StringProperty(
-        name="Element", description="GlobalId of the wall in the model, in the scans' frame; empty: the largest upright surface"
-    )
-    near: StringProperty(
-        name="Near", description="X,Y,Z of a point on the wall in metres, where the scans hold several; empty: the largest"
-    )
+    panel_settings = ("bim_verify_displacement", *WallChoice.__annotations__)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

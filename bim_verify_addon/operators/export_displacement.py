@@ -13,10 +13,11 @@ from ...core.progress import Progress
 from .. import inputs, project, wall_scene
 from ..jobs import Work
 from ..session import SESSION
+from ..shared_settings import ReportBeside
 from .file_browser import FileJob, idle, named
 
 
-class BIMVERIFY_OT_export_displacement(FileJob[str], bpy.types.Operator):
+class BIMVERIFY_OT_export_displacement(ReportBeside, FileJob[str], bpy.types.Operator):
     """Write the joints of a wall's displacement as CSV, and a report with its profiles."""
 
     bl_idname = "bim_verify.export_displacement"
@@ -29,9 +30,6 @@ class BIMVERIFY_OT_export_displacement(FileJob[str], bpy.types.Operator):
     filepath: StringProperty(name="File", subtype="FILE_PATH", description="The CSV file to write")
     filter_glob: StringProperty(default="*.csv", options={"HIDDEN"})
     check_existing: BoolProperty(default=True, options={"HIDDEN"})
-    with_report: BoolProperty(
-        name="Report", default=True, description="Also write a report, into a folder beside the file (_report)"
-    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -52,7 +50,7 @@ class BIMVERIFY_OT_export_displacement(FileJob[str], bpy.types.Operator):
         if not self.filepath:
             raise BimVerifyError("No file name was given. Choose where to write the CSV file.")
         path = named(self.filepath, ".csv")
-        report = path.with_name(f"{path.stem}_report") if self.with_report else None
+        report = self.report_folder(path)
         found = SESSION.walls[context.scene[wall_scene.RESULT_KEY]]
         outputs = [path, *([report / PAGE] if report else [])]
         inputs.refuse(context.scene, *outputs, beside=[*found.base_paths, *found.later_paths])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,9 +11,9 @@ from bpy.props import BoolProperty, StringProperty
 
 from ...core.errors import BimVerifyError
 from ...core.progress import Progress
-from .. import bonsai, selection
+from .. import bonsai
 from .file_browser import idle
-from .result_file import ResultFile, Write
+from .result_file import ResultFile, SelectionFile, Write
 
 if TYPE_CHECKING:
     from ...core.dimensions.table import Dimension
@@ -36,7 +35,7 @@ def dimensions_reader() -> Callable[[VerificationResult], list[Dimension]]:
     return of_live
 
 
-class BIMVERIFY_OT_report(ResultFile, bpy.types.Operator):
+class BIMVERIFY_OT_report(SelectionFile, bpy.types.Operator):
     """Write the report: one page with pictures, charts and every element, and the table beside it."""
 
     bl_idname = "bim_verify.report"
@@ -71,7 +70,7 @@ class BIMVERIFY_OT_report(ResultFile, bpy.types.Operator):
         return write
 
 
-class BIMVERIFY_OT_export_dimensions(ResultFile, bpy.types.Operator):
+class BIMVERIFY_OT_export_dimensions(SelectionFile, bpy.types.Operator):
     """Write the clear widths and heights of rooms and openings as planned and as built, with their uncertainty."""
 
     bl_idname = "bim_verify.export_dimensions"
@@ -107,7 +106,7 @@ class BIMVERIFY_OT_export_dimensions(ResultFile, bpy.types.Operator):
         return write
 
 
-class BIMVERIFY_OT_export_table(ResultFile, bpy.types.Operator):
+class BIMVERIFY_OT_export_table(SelectionFile, bpy.types.Operator):
     """Write one line an element, as an Excel workbook or as CSV."""
 
     bl_idname = "bim_verify.export_table"
@@ -120,24 +119,19 @@ class BIMVERIFY_OT_export_table(ResultFile, bpy.types.Operator):
     filepath: StringProperty(name="File", subtype="FILE_PATH", description="The .xlsx or .csv file to write")
     filter_glob: StringProperty(default="*.xlsx;*.csv", options={"HIDDEN"})
     check_existing: BoolProperty(default=True, options={"HIDDEN"})
-    selected_only: BoolProperty(name="Selected elements only", description="A line for each selected element only")
 
     def writer(self, context: bpy.types.Context) -> Write:
         from ...core.exchange.xlsx import write_xlsx
         from ...core.report.csv_out import write_csv
 
-        only = selection.chosen(context, self.selected_only)
-
         def write(result: VerificationResult, path: Path, progress: Progress) -> str:
-            if only is not None:
-                result = replace(result, verdicts=tuple(v for v in result.verdicts if v.global_id in only))
             (write_csv if path.suffix.lower() == ".csv" else write_xlsx)(path, result)
             return str(path)
 
         return write
 
 
-class BIMVERIFY_OT_export_ids(ResultFile, bpy.types.Operator):
+class BIMVERIFY_OT_export_ids(SelectionFile, bpy.types.Operator):
     """Write an IDS that checks a deliverable: property sets are there, levels are reached."""
 
     bl_idname = "bim_verify.export_ids"

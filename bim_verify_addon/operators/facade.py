@@ -7,14 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, FloatProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
 from ...core.errors import BimVerifyError
 from ...core.files import all_or_none
 from ...core.progress import Progress
 from .. import inputs, project, scene
 from ..jobs import Work
-from .file_browser import FileJob, idle, named
+from ..shared_settings import FacadeInputs, ReportBeside
+from .file_browser import FileJob, chosen, idle, named
 
 if TYPE_CHECKING:
     from ...core.facade.mockup import Mockup
@@ -36,7 +37,7 @@ class Written:
     made: Mockup
 
 
-class BIMVERIFY_OT_facade(FileJob[Read], bpy.types.Operator):
+class BIMVERIFY_OT_facade(FacadeInputs, FileJob[Read], bpy.types.Operator):
     """Read windows and doors from photos of facades."""
 
     bl_idname = "bim_verify.facade"
@@ -44,28 +45,12 @@ class BIMVERIFY_OT_facade(FileJob[Read], bpy.types.Operator):
     bl_description = "Find windows and doors in a photo, or in several on a footprint; correct them in the scene"
     bl_options = {"REGISTER", "UNDO"}
     title = "Facade"
-    panel_settings = ("bim_verify_facade", "corners", "width", "height", "floor_height", "footprint", "crs")
+    panel_settings = ("bim_verify_facade", *FacadeInputs.__annotations__)
 
     filepath: StringProperty(name="Photo", subtype="FILE_PATH", description="A photo of one facade")
     directory: StringProperty(subtype="DIR_PATH", options={"HIDDEN"})
     files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN"})
     filter_glob: StringProperty(default="*.jpg;*.jpeg;*.png;*.tif;*.tiff", options={"HIDDEN"})
-    corners: StringProperty(
-        name="Corners",
-        description="X,Y,X,Y,X,Y,X,Y of the facade in pixels of the photo, those of several divided by ; - empty: found by "
-        "vanishing lines",
-    )
-    footprint: StringProperty(
-        name="Footprint", subtype="FILE_PATH",
-        description="Outline of the building, X,Y X,Y X,Y counter-clockwise in metres, or a GeoJSON file; the photos, by name, "
-        "are of its edges in order",
-    )
-    crs: StringProperty(name="Map", description="Of a footprint in map coordinates, as EPSG:25832; empty: not known")
-    width: FloatProperty(name="Width", unit="LENGTH", min=0.0, description="Of the facade, metres; zero: not known")
-    height: FloatProperty(name="Height", unit="LENGTH", min=0.0, description="Of the facade, metres; zero: not known")
-    floor_height: FloatProperty(
-        name="Floor height", unit="LENGTH", min=0.0, description="Floor to floor, metres; zero: not known"
-    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -75,11 +60,9 @@ class BIMVERIFY_OT_facade(FileJob[Read], bpy.types.Operator):
         from ...core.commands.facade import parse_corners
         from ...core.jobs.facade import FacadeOptions, facade_mockup
 
-        names = [entry.name for entry in self.files if entry.name]
-        paths = [str(Path(self.directory) / name) for name in names] if names else [self.filepath]
-        if not paths[0]:
+        paths = chosen(self)
+        if not paths:
             raise BimVerifyError("No photo was given. Choose one.")
-        paths = [bpy.path.abspath(path) for path in paths]
         common = context.scene.bim_verify
         options = FacadeOptions(
             corners=tuple(parse_corners(text) for text in self.corners.split(";") if text.strip()), width=self.width or None,
@@ -106,7 +89,7 @@ class BIMVERIFY_OT_facade(FileJob[Read], bpy.types.Operator):
         return summary(value.made)
 
 
-class BIMVERIFY_OT_write_facade(FileJob[Written], bpy.types.Operator):
+class BIMVERIFY_OT_write_facade(ReportBeside, FileJob[Written], bpy.types.Operator):
     """Write the mock-up that the rectangles make now."""
 
     bl_idname = "bim_verify.write_facade"
@@ -119,9 +102,6 @@ class BIMVERIFY_OT_write_facade(FileJob[Written], bpy.types.Operator):
     filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file to write")
     filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
     check_existing: BoolProperty(default=True, options={"HIDDEN"})
-    with_report: BoolProperty(
-        name="Report", default=False, description="Also write a report, into a folder beside the file (_report)"
-    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -145,7 +125,7 @@ class BIMVERIFY_OT_write_facade(FileJob[Written], bpy.types.Operator):
         if not self.filepath:
             raise BimVerifyError("No file name was given. Choose where to write the IFC file.")
         path = named(self.filepath, ".ifc")
-        report = path.with_name(f"{path.stem}_report") if self.with_report else None
+        report = self.report_folder(path)
         made = read_mockup(context.scene)
         inputs.refuse(context.scene, path, *([report / PAGE] if report else []), beside=[f.image for f in made.facades])
         pictures = read_pictures(context.scene) if report else []

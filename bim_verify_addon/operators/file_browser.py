@@ -49,6 +49,16 @@ class FileJob(Job[T]):
         return super().execute(context)
 
 
+def chosen(operator: bpy.types.Operator) -> list[str]:
+    """The files that a person chose together, or the one that a script named; empty where there is none.
+
+    The operator has ``filepath``, and ``directory`` and ``files`` as the browser fills them.
+    """
+    names = [entry.name for entry in operator.files if entry.name]
+    given = [str(Path(operator.directory) / name) for name in names] or [operator.filepath]
+    return [bpy.path.abspath(path) for path in given if path]
+
+
 def named(filepath: str, *endings: str) -> Path:
     """The file that a person named, with the first of ``endings`` added where the name has none of them.
 

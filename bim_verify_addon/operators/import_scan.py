@@ -17,7 +17,7 @@ from ..jobs import Work
 from ..point_display import points_shown
 from ..session import SESSION
 from ..sight import look_at_all
-from .file_browser import FileJob, idle
+from .file_browser import FileJob, chosen, idle
 
 SCAN_FILES = "*.e57;*.las;*.laz;*.ply;*.pcd;*.pts;*.ptx;*.xyz;*.txt;*.asc;*.csv;*.npy;*.json;*.out"
 """What the file browser shows."""
@@ -67,11 +67,9 @@ class BIMVERIFY_OT_import_scan(FileJob[Clouds], bpy.types.Operator):
         from ...core.scans.open import open_scans
         from ...core.scans.thin import thin
 
-        names = [entry.name for entry in self.files if entry.name]
-        paths = [str(Path(bpy.path.abspath(self.directory)) / name) for name in names] if names else [self.filepath]
-        if not paths[0]:
+        paths = chosen(self)
+        if not paths:
             raise BimVerifyError("No scan file was given. Choose at least one.")
-        paths = [bpy.path.abspath(path) for path in paths]
         settings = context.scene.bim_verify
         options, most = project.options(settings), points_shown(settings)
         model = SESSION.models.get(context.scene.name)

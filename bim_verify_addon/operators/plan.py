@@ -11,7 +11,9 @@ from ...core.progress import Progress
 from .. import project, scene, selection
 from ..forecast_scene import show_plan
 from ..jobs import Job, Work
-from ..properties import LOA_ITEMS
+from ..session import SESSION
+from ..shared_settings import LOA_ITEMS
+from ..survey_scene import PLAN_KEY
 from .file_browser import has_model, idle
 
 if TYPE_CHECKING:
@@ -68,6 +70,7 @@ class BIMVERIFY_OT_plan(Job["PlanResult"], bpy.types.Operator):
     def finish(self, context: bpy.types.Context, value: PlanResult) -> str:
         project.adopt_frame(context.scene, value.model)
         message = show_plan(context.scene, value)
+        context.scene[PLAN_KEY] = SESSION.keep_plan(value)
         scene.show_colors_in_views()
         self.warn(value.warnings)
         return message

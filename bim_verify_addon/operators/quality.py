@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
 from ...core.progress import Progress
-from .. import ifc_edits, project, scene
+from .. import ifc_edits, project, scene, selection
 from ..jobs import Job, Work
-from ..properties import LOA_ITEMS
+from ..session import SESSION
+from ..shared_settings import LOA_ITEMS
 from .file_browser import has_model, has_scans, idle
 
 if TYPE_CHECKING:
@@ -33,6 +35,10 @@ class BIMVERIFY_OT_quality(Job["tuple[QualityResult, SurveyDisplay]"], bpy.types
         name="Coverage", default=0.8, min=0.01, max=1.0, subtype="FACTOR",
         description="Share of an element's surface that should have returns",
     )
+    selected_only: BoolProperty(
+        name="Selected elements only", default=False,
+        description="Say it of the selected elements; the others keep what they have, and go on hiding what is behind them",
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -43,6 +49,7 @@ class BIMVERIFY_OT_quality(Job["tuple[QualityResult, SurveyDisplay]"], bpy.types
         from ...core.quality.options import QualityOptions
         from ..survey_scene import make_survey_display
 
+        self.only = selection.chosen(context, self.selected_only)
         settings = context.scene.bim_verify
         common = project.options(settings)
         options = QualityOptions(
@@ -62,13 +69,17 @@ class BIMVERIFY_OT_quality(Job["tuple[QualityResult, SurveyDisplay]"], bpy.types
         return work
 
     def finish(self, context: bpy.types.Context, value: tuple[QualityResult, SurveyDisplay]) -> str:
-        from ...core.quality.write_ifc import apply_quality_psets
-        from ..survey_scene import show_quality
+        from ...core.model.property_sets import put_property_sets
+        from ...core.quality.write_ifc import PSET_NAME, quality_entries
+        from ..survey_scene import SURVEY_KEY, show_quality
 
-        result, display = value
-        ifc_edits.put(context, self.bl_idname, lambda file: apply_quality_psets(file, result))
+        (result, display), only = value, self.only
+        entries = quality_entries(result, only)
+        put_entries = partial(put_property_sets, pset_name=PSET_NAME, entries=entries)
+        ifc_edits.put(context, self.bl_idname, put_entries, adds=only is not None)
         project.adopt_frame(context.scene, result.model)
-        message = show_quality(context.scene, result, display)
+        message = show_quality(context.scene, result, display, only)
+        context.scene[SURVEY_KEY] = SESSION.keep_survey(result)
         scene.show_colors_in_views()
         self.warn(result.warnings)
         return message

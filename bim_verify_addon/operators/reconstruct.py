@@ -17,6 +17,7 @@ from ...core.options import ReconstructOptions
 from ...core.progress import Progress
 from .. import bonsai, inputs, project
 from ..jobs import Work
+from ..shared_settings import ReconstructOutputs
 from .file_browser import FileJob, has_scans, idle, named
 from .import_ifc import adopt_model
 
@@ -36,7 +37,7 @@ class Made:
     """(4, 4) of the scans in the frame of that model."""
 
 
-class BIMVERIFY_OT_reconstruct(FileJob[Made], bpy.types.Operator):
+class BIMVERIFY_OT_reconstruct(ReconstructOutputs, FileJob[Made], bpy.types.Operator):
     """Make an IFC model of what was scanned from inside: storeys, rooms, walls, openings, columns, slabs."""
 
     bl_idname = "bim_verify.reconstruct"
@@ -44,7 +45,7 @@ class BIMVERIFY_OT_reconstruct(FileJob[Made], bpy.types.Operator):
     bl_description = "Make an IFC4 model from the scans: storeys, rooms, walls, doors, windows, columns, slabs"
     bl_options = {"REGISTER", "UNDO"}
     title = "Reconstruct"
-    panel_settings = ("bim_verify_reconstruct", "with_report", "with_dimensions", "reference")
+    panel_settings = ("bim_verify_reconstruct", "with_report", *ReconstructOutputs.__annotations__)
 
     filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file to write")
     filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
@@ -53,16 +54,6 @@ class BIMVERIFY_OT_reconstruct(FileJob[Made], bpy.types.Operator):
         name="Take as the model",
         default=True,
         description="Import what was made as the model of this scene; an earlier one leaves the scene, its file stays",
-    )
-    with_report: BoolProperty(
-        name="Report", default=False, description="Also write a report, into a folder beside the file (_report)"
-    )
-    with_dimensions: BoolProperty(
-        name="Dimensions", default=False,
-        description="Also write a CSV beside the file (_dimensions): rooms and openings with 95 % intervals, corners, tests",
-    )
-    reference: StringProperty(
-        name="Compare with", subtype="FILE_PATH", description="IFC file that what was made is compared with; empty for none"
     )
 
     @classmethod
@@ -96,7 +87,7 @@ class BIMVERIFY_OT_reconstruct(FileJob[Made], bpy.types.Operator):
         )
         show = self.show and bonsai.live_file() is None
 
-        report = path.with_name(f"{path.stem}_report") if self.with_report else None
+        report = self.report_folder(path)
         table = path.with_name(f"{path.stem}_dimensions.csv") if self.with_dimensions else None
 
         def work(progress: Progress) -> Made:

@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
-from .file_browser import has_model, idle
+from .file_browser import chosen, has_model, idle
 from .import_scan import SCAN_FILES
 
 
@@ -33,9 +33,8 @@ class BIMVERIFY_OT_add_reference(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        names = [entry.name for entry in self.files if entry.name]
-        paths = [str(Path(bpy.path.abspath(self.directory)) / name) for name in names] or [bpy.path.abspath(self.filepath)]
-        if not all(Path(path).is_file() for path in paths):
+        paths = chosen(self)
+        if not paths or not all(Path(path).is_file() for path in paths):
             self.report({"ERROR"}, "No scan file was given. Choose at least one.")
             return {"CANCELLED"}
         references = context.scene.bim_verify_change.references

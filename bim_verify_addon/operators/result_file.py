@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import bpy
+from bpy.props import BoolProperty
 
 from ...core.errors import BimVerifyError
 from ...core.files import all_or_none
 from ...core.progress import Progress
-from .. import inputs, project
+from .. import inputs, project, selection
 from ..jobs import Work
 from .file_browser import FileJob, has_result, idle, named
 
@@ -37,6 +38,10 @@ class ResultFile(FileJob[str]):
         """Read what is needed (main thread) and return what writes; it gives one sentence for the status bar."""
         raise NotImplementedError
 
+    def result(self, context: bpy.types.Context) -> VerificationResult:
+        """What is written about."""
+        return project.result(context.scene)
+
     def inside(self) -> tuple[str, ...]:
         """Files that are written into such a folder."""
         return ()
@@ -49,7 +54,7 @@ class ResultFile(FileJob[str]):
         if not self.filepath:
             raise BimVerifyError("No file name was given. Choose where to write.")
         path = named(self.filepath, *self.suffixes)
-        result, write = project.result(context.scene), self.writer(context)
+        result, write = self.result(context), self.writer(context)
         inputs.refuse(context.scene, path, *(path / name for name in self.inside()))
 
         def work(progress: Progress) -> str:
@@ -63,3 +68,17 @@ class ResultFile(FileJob[str]):
     def finish(self, context: bpy.types.Context, value: str) -> str:
         context.scene.bim_verify.exported_path = value
         return f"Written: {value}"
+
+
+class SelectionFile(ResultFile):
+    """One that can be about the selected elements alone."""
+
+    selected_only: BoolProperty(
+        name="Selected elements only", default=False, description="About the selected elements alone, not about all"
+    )
+
+    def result(self, context: bpy.types.Context) -> VerificationResult:
+        from ...core.some_elements import of_elements
+
+        only = selection.chosen(context, self.selected_only)
+        return super().result(context) if only is None else of_elements(super().result(context), only)

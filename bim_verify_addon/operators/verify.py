@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from ...core.progress import Progress
 from .. import bonsai, paint, project, scene, selection, verdicts
 from ..jobs import Job, Work
-from ..properties import ALIGN_ITEMS, DEFAULTS, LOA_ITEMS
+from ..properties import ALIGN_ITEMS, DEFAULTS
 from ..session import SESSION
+from ..shared_settings import LOA_ITEMS
 from ..surface_grid import Display, make_display
 from .file_browser import has_model, has_scans, idle
 

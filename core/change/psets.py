@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
-from typing import Any
 
-from ..model.write_psets import TypedValue, apply_property_set, scan_source, write_ifc_copy
+from ..model.property_sets import ElementProperties, write_property_sets
+from ..model.write_psets import TypedValue, scan_source
 from ..progress import Progress
 from .results import ChangeResult, ElementChange, EpochRecord
 
@@ -15,19 +16,17 @@ PSET_NAME = "BimVerify_Change"
 def write_changed_ifc(
     source_ifc: str | Path, result: ChangeResult, out: str | Path, *, progress: Progress | None = None
 ) -> None:
-    """Copy ``source_ifc`` to ``out`` with the changes as property sets; errors as those of ``write_verified_ifc``."""
-    write_ifc_copy(
-        source_ifc, out, lambda file: apply_changes(file, result, progress=progress) or not result.elements
-    )
+    """Copy ``source_ifc`` to ``out`` with the changes as property sets; errors as those of ``write_property_sets``."""
+    write_property_sets(source_ifc, PSET_NAME, change_entries(result), out, progress=progress)
 
 
-def apply_changes(ifc_file: Any, result: ChangeResult, *, progress: Progress | None = None) -> int:
-    """Put the changes on the elements of an open ``ifcopenshell.file``; returns how many elements were found."""
-    rows = (
-        (element.step_id, element.global_id, change_properties(found, result))
+def change_entries(result: ChangeResult, only: Collection[str] | None = None) -> list[ElementProperties]:
+    """The property sets of all elements, or of those with the GlobalIds ``only``."""
+    return [
+        ElementProperties(element.global_id, element.step_id, change_properties(found, result))
         for element, found in zip(result.model.elements, result.elements, strict=True)
-    )
-    return apply_property_set(ifc_file, PSET_NAME, rows, len(result.elements), progress)
+        if only is None or element.global_id in only
+    ]
 
 
 def change_properties(found: ElementChange, result: ChangeResult) -> dict[str, TypedValue]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import datetime
 import io
+import re
 import uuid
 from collections.abc import Collection
 from pathlib import Path
@@ -40,6 +41,7 @@ PRIORITIES: dict[str, str] = {
     "ABSENT": "High", "DEVIATING": "High", "PARTIAL": "Normal", "NOTOBSERVED": "Low", "CONFIRMED": "Low",
 }  # fmt: skip
 AUTHOR = "bim_verify"
+IFC_GUID = re.compile(r"[0-9A-Za-z_$]{22}")
 OTHERS: tuple[float, float, float] = (0.80, 0.80, 0.79)
 
 
@@ -91,6 +93,26 @@ def topic_guid(global_id: str) -> str:
     return str(uuid.uuid5(NAMESPACE, global_id))
 
 
+def _date(text: str) -> datetime.datetime | None:
+    """The day or time of a scan as a time with a zone; None where the scans do not say it."""
+    try:
+        found = datetime.datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    return (found if found.tzinfo else found.replace(tzinfo=datetime.UTC)).replace(microsecond=0)
+
+
+def _written(path: str) -> Any | None:
+    """When a file was written last; None where it is gone."""
+    from xsdata.models.datatype import XmlDateTime
+
+    try:
+        written = datetime.datetime.fromtimestamp(int(Path(path).stat().st_mtime), datetime.UTC)
+    except OSError:
+        return None
+    return XmlDateTime.from_datetime(written)
+
+
 class _Writer:
     """Where the two versions differ."""
 
@@ -98,6 +120,7 @@ class _Writer:
         self._result, self._v3 = result, version == "3.0"
         project = plain_text(result.model.project_name) or Path(result.model.path).name
         self._now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
+        self._seen = _date(result.scan_date) or self._now
         if self._v3:
             from bcf.v3 import bcfxml, model, topic, visinfo
 
@@ -133,14 +156,16 @@ class _Writer:
         )
         topic = handler.topic
         topic.guid, topic.index, topic.priority = guid, number, PRIORITIES[finding.status]
-        topic.creation_date = XmlDateTime.from_datetime(self._now)
+        topic.creation_date, topic.modified_date = map(XmlDateTime.from_datetime, (self._seen, self._now))
+        topic.modified_author = AUTHOR
         topic.labels = m.TopicLabels(label=[finding.status]) if self._v3 else [finding.status]
         handler._topic_dir = Path(guid)  # where bcf-client keeps the folder's name
-        name = plain_text(Path(self._result.model.path).name)
-        if self._v3:
-            handler.header = m.Header(files=m.HeaderFiles(file=[m.File(filename=name, is_external=True)]))
-        else:
-            handler.header = m.Header(file=[m.HeaderFile(filename=name, is_external=True)])
+        model = self._result.model
+        file = (m.File if self._v3 else m.HeaderFile)(
+            filename=plain_text(Path(model.path).name), is_external=True, date=_written(model.path),
+            ifc_project=model.project_id if IFC_GUID.fullmatch(model.project_id) else None,
+        )
+        handler.header = m.Header(files=m.HeaderFiles(file=[file])) if self._v3 else m.Header(file=[file])
         view = self._visinfo.VisualizationInfoHandler(self._view(finding, camera), snapshot)
         handler.add_visinfo_handler(view, f"{view.guid}.png" if snapshot is not None else None)
         self.archive.topics[guid] = handler

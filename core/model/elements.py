@@ -75,6 +75,8 @@ class BuildingModel:
     skipped: tuple[str, ...] = field(default=())
     """One sentence per product that has a body but could not be turned into triangles."""
     project_name: str = ""
+    project_id: str = ""
+    """GlobalId of the IfcProject."""
     partly: tuple[str, ...] = ()
     """IFC classes of ``elements`` of which the file has more than these: layered walls whose parts have the bodies."""
 

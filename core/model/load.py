@@ -183,6 +183,7 @@ def _tessellate(source: Path, content_hash: str, deflection: float, threads: int
         map_conversion=_map_conversion(file),
         skipped=skipped,
         project_name=next((p.Name or "" for p in file.by_type("IfcProject")), ""),
+        project_id=next((p.GlobalId or "" for p in file.by_type("IfcProject")), ""),
         partly=tuple(
             c for c in sorted({p.is_a() for p in present})
             if any(p.id() not in shapes for p in file.by_type(c, include_subtypes=False))

@@ -68,6 +68,7 @@ def read(cache_key: str, source: Path) -> BuildingModel | None:
                 ),
                 skipped=tuple(meta["skipped"]),
                 project_name=meta["project_name"],
+                project_id=meta["project_id"],
                 partly=tuple(meta["partly"]),
             )
     except (OSError, EOFError, KeyError, ValueError, TypeError, zipfile.BadZipFile):
@@ -91,6 +92,7 @@ def write(cache_key: str, model: BuildingModel) -> None:
         },
         "skipped": list(model.skipped),
         "project_name": model.project_name,
+        "project_id": model.project_id,
         "partly": list(model.partly),
     }
     with contextlib.suppress(Exception):

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
-from typing import Any
 
-from ..model.property_sets import (
-    ElementProperties,
-    put_property_sets,
-    write_property_sets,
-)
+from ..model.property_sets import ElementProperties, write_property_sets
 from ..model.write_psets import TypedValue, scan_source
 from ..progress import Progress
 from ..sensing.loa import label
@@ -25,12 +21,7 @@ def write_quality_ifc(
 
     Raises BimVerifyError as ``property_sets.write_property_sets`` does.
     """
-    write_property_sets(source_ifc, PSET_NAME, _entries(result), out, progress=progress)
-
-
-def apply_quality_psets(ifc_file: Any, result: QualityResult, *, progress: Progress | None = None) -> int:
-    """Put the scan quality on the elements of an open ``ifcopenshell.file`` and return how many elements were found."""
-    return put_property_sets(ifc_file, PSET_NAME, _entries(result), progress=progress)
+    write_property_sets(source_ifc, PSET_NAME, quality_entries(result), out, progress=progress)
 
 
 def quality_properties(quality: ElementQuality, result: QualityResult) -> dict[str, TypedValue]:
@@ -66,8 +57,10 @@ def quality_properties(quality: ElementQuality, result: QualityResult) -> dict[s
     }
 
 
-def _entries(result: QualityResult) -> list[ElementProperties]:
+def quality_entries(result: QualityResult, only: Collection[str] | None = None) -> list[ElementProperties]:
+    """The property sets of all elements, or of those with the GlobalIds ``only``."""
     return [
         ElementProperties(quality.global_id, element.step_id, quality_properties(quality, result))
         for element, quality in zip(result.model.elements, result.elements, strict=True)
+        if only is None or quality.global_id in only
     ]

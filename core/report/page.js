@@ -183,7 +183,7 @@
         make("div", {}, make("h4", {}, "Confirmed at each level"), ladder(r), keyValues([
           ["Asked, reached", `${r.required}, ${r.achieved === "NONE" ? "none" : r.achieved}`],
           ["Shift x, y, z", vector],
-          ["Shift", r.shift === null ? "not determined" : `${mm(r.shift)} ± ${mm(r.shiftSigma, 2)} mm`],
+          ["Shift", r.shift === null ? "not determined" : `${mm(r.shift)} ± ${mm(r.shiftSigma === null ? null : 1.96 * r.shiftSigma, 2)} mm (95 %)`],
           ["Significant", significance],
           ["Sigma measured, registration", `${mm(r.measurementSigma, 2)}, ${mm(r.registrationSigma, 2)} mm`],
         ])),

@@ -68,8 +68,8 @@ DEVIATION_STOPS = (
     "#0a468c", "#2a76ba", "#5fa5d4", "#b0d3e8", "#ebebe6", "#f3c39e", "#e2864f", "#c4531f", "#9a3208",
 )  # fmt: skip
 """Equally spaced from minus to plus the limit: blue behind the planned surface, orange-brown in front of it."""
-UNMEASURED: RGB = rgb("#94a0b4")
-"""Where no deviation is known."""
+UNMEASURED: RGB = rgb("#6e6e6e")
+"""Where nothing is known: a neutral grey, since a bluish one would pass for a small negative deviation."""
 
 
 def deviation_color(values_m: ArrayLike, limit_m: float) -> NDArray[np.float64]:

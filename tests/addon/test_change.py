@@ -182,10 +182,31 @@ def test_after_the_job_colours_slider_numbers_and_files(
     assert bpy.ops.bim_verify.export_change(filepath=str(tmp_path / "table"), model=False, page=False, voxels=False,
                                             remaining=False) == {"FINISHED"}
     assert [path.name for path in (tmp_path / "table").iterdir()] == ["change.json"]
+    with pytest.raises(RuntimeError, match="is an input"):
+        blender.bim_verify.scans[0].path = str(folder / "voxels.ply")
+        bpy.ops.bim_verify.export_change(filepath=str(folder))
     with pytest.raises(RuntimeError, match="Give a folder"):
         bpy.ops.bim_verify.export_change(filepath=str(folder / "change.json"))
     change_scene.forget(blender)
     assert not bpy.ops.bim_verify.export_change.poll()
+
+
+def test_changes_of_the_selection_leave_the_others(
+    blender: bpy.types.Scene, house: Path, changed: ChangeResult, asked: list[tuple[Any, Any, ChangeOptions]], tmp_path: Path
+) -> None:
+    bpy.ops.bim_verify.import_ifc(filepath=str(house))
+    _add_scans(blender, house, ("/a.e57",))
+    column = next(e for e in changed.elements if e.ifc_class == "IfcColumn")
+    items = scene.element_objects(blender)
+    with pytest.raises(RuntimeError, match="No element is selected"):
+        bpy.ops.bim_verify.change(selected_only=True)
+    items[column.global_id].select_set(True)
+    assert bpy.ops.bim_verify.change(selected_only=True) == {"FINISHED"}
+    assert [key for key, item in items.items() if change_scene.state_now(item)] == [column.global_id]
+    assert bpy.ops.bim_verify.export_ifc(filepath=str(tmp_path / "out.ifc")) == {"FINISHED"}
+    file = ifcopenshell.open(str(tmp_path / "out.ifc"))
+    have = [e.GlobalId for e in file.by_type("IfcElement") if "BimVerify_Change" in ifcopenshell.util.element.get_psets(e)]
+    assert have == [column.global_id]
 
 
 def test_a_saved_scene_knows_its_epochs_and_settings(blender: bpy.types.Scene, changed: ChangeResult) -> None:

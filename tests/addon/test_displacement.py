@@ -126,6 +126,7 @@ def test_it_is_written_as_a_table_and_a_report(
     monkeypatch.setattr(job, "displacement", lambda *_: found)
     run(blender)
     path = tmp_path / "moved.csv"
+    blender.bim_verify_displacement.with_report = True
     assert ops.export_displacement(filepath=str(path)) == {"FINISHED"}
     assert len(path.read_text().splitlines()) == 1 + 4
     assert "Column" in (tmp_path / "moved_report" / "index.html").read_text()

@@ -18,6 +18,7 @@ import bpy
 import pytest
 
 import bim_verify
+from bim_verify.core.commands import COMMANDS
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 TOOL = Path(bpy.utils.system_resource("SCRIPTS")) / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
@@ -98,6 +99,8 @@ def test_zip_holds_the_code_and_no_tests(tmp_path: Path) -> None:
     names = zipfile.ZipFile(tmp_path / "b.zip").namelist()
     assert {"__init__.py", "blender_manifest.toml", "core/results.py", "bim_verify_addon/registration.py"} <= set(names)
     assert not [n for n in names if n.startswith(("tests/", "docs/", ".")) or "__pycache__" in n or n.endswith(".blend")]
+    scripts = {Path(name).stem for name in names if name.startswith("scripts/")}
+    assert scripts == {command.name for command in COMMANDS} | {"headless_entry", "make_wall_example"}
 
 
 def test_an_update_replaces_and_an_uninstall_leaves_nothing(tmp_path: Path) -> None:

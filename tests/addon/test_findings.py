@@ -92,6 +92,20 @@ def test_bcf_of_the_selection_has_its_topics_only(verified: bpy.types.Scene, tmp
         ops.export_bcf(filepath=str(tmp_path / "g.bcf"), selected_only=True)
 
 
+def test_report_table_and_ids_of_the_selection(verified: bpy.types.Scene, tmp_path: Path) -> None:
+    item = select(verified, "ABSENT")
+    for operator, name in (("report", "r"), ("export_table", "t.csv"), ("export_ids", "i.ids")):
+        assert getattr(ops, operator)(filepath=str(tmp_path / name), selected_only=True) == {"FINISHED"}
+    (line,) = (tmp_path / "t.csv").read_text(encoding="utf-8-sig").splitlines()[1:]
+    assert item["GlobalId"] in line
+    page = (tmp_path / "r" / "index.html").read_text(encoding="utf-8")
+    others = {o["GlobalId"] for o in scene.element_objects(verified).values()} - {item["GlobalId"]}
+    assert item["GlobalId"] in page and not any(other in page for other in others)
+    assert "This holds for 1 of 5 elements, those that were selected." in page
+    check = (tmp_path / "i.ids").read_text(encoding="utf-8")
+    assert item.bim_verify.ifc_class.upper() in check and not any(other in check for other in others)
+
+
 def test_a_decision_colours_counts_and_goes_into_the_ifc(
     verified: bpy.types.Scene, result: VerificationResult, tmp_path: Path
 ) -> None:

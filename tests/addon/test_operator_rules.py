@@ -10,23 +10,25 @@ from pathlib import Path
 import bpy
 import pytest
 
-from bim_verify.bim_verify_addon import operators, wall_scene
+from bim_verify.bim_verify_addon import operators, survey_scene, wall_scene
 from bim_verify.bim_verify_addon.capabilities import CAPABILITIES
 from bim_verify.bim_verify_addon.jobs import Job
 from bim_verify.bim_verify_addon.operators.file_browser import FileJob
 from bim_verify.bim_verify_addon.session import SESSION, RunningJob
 
 ONLY_WRITE_FILES = {
-    "export_ifc", "export_bcf", "export_change",
+    "export_ifc", "export_bcf", "export_change", "export_quality", "export_plan",
     "report", "export_table", "export_dimensions", "export_ids", "export_templates",
     "update_model", "undo_update", "classify", "simulate", "write_facade",
     "export_displacement",
 }  # fmt: skip
 """They change nothing in the scene, so there is nothing to undo."""
-WRITE_FOLDERS = {"report", "export_change"}
+WRITE_FOLDERS = {"report", "export_change", "export_quality", "export_plan"}
 NEED_NOTHING = {"import_ifc", "import_scan", "facade", "simulate", "export_templates"}
 SELECTION = {
     "verify": "selected_only", "plan": "selected", "export_bcf": "selected_only", "export_table": "selected_only",
+    "change": "selected_only", "quality": "selected_only", "report": "selected_only", "export_ids": "selected_only",
+    "export_dimensions": "selected_only",
     "decide": "", "select_findings": "", "step_finding": "", "isolate_findings": "",
 }  # fmt: skip
 """Those that work on elements one by one; those without a setting always take the selection, or make one."""
@@ -63,8 +65,10 @@ def test_it_says_why_it_cannot_run(blender: bpy.types.Scene, cls: type) -> None:
 def test_one_job_at_a_time(verified: bpy.types.Scene, cls: type) -> None:
     verified.bim_verify_displacement.base = verified.bim_verify_displacement.later = "x.e57"
     verified["bim_verify_facades"] = "{}"
-    verified.bim_verify_change.result_key = SESSION.keep_comparison(None)  # type: ignore[arg-type]
+    verified.bim_verify_change.result_key = SESSION.keep_comparison(object())  # type: ignore[arg-type]
     verified[wall_scene.RESULT_KEY] = SESSION.keep_wall(None)  # type: ignore[arg-type]
+    verified[survey_scene.SURVEY_KEY] = SESSION.keep_survey(object())  # type: ignore[arg-type]
+    verified[survey_scene.PLAN_KEY] = SESSION.keep_plan(object())  # type: ignore[arg-type]
     assert asked(cls)[0]
     SESSION.job = RunningJob("Some work")
     try:
@@ -88,10 +92,11 @@ def test_it_has_a_redo_panel_and_undo_where_it_changes_the_scene(cls: type) -> N
 
 
 @jobs
-def test_a_file_is_asked_for_in_one_way(cls: type) -> None:
-    assert ("filepath" in inspect.get_annotations(cls)) == issubclass(cls, FileJob)
+def test_a_file_is_asked_for_in_one_way(blender: bpy.types.Scene, cls: type) -> None:
+    own = getattr(bpy.ops.bim_verify, name_of(cls)).get_rna_type().properties.keys()
+    assert ("filepath" in own) == issubclass(cls, FileJob)
     writes = name_of(cls) in ONLY_WRITE_FILES | {"reconstruct"}
-    assert ("check_existing" in inspect.get_annotations(cls)) == (writes and name_of(cls) not in WRITE_FOLDERS)
+    assert ("check_existing" in own) == (writes and name_of(cls) not in WRITE_FOLDERS)
 
 
 @every

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bim_verify.bim_verify_addon.surface_grid import (
     SurfaceGrid,
     build_grid,
-    edge_lengths,
+    grid_within,
     interpolate,
     make_display,
     second_sides,
@@ -62,16 +62,21 @@ def test_triangles_keep_their_orientation(grid: SurfaceGrid) -> None:
         assert np.allclose(normal, grid.normal[grid.triangles[:, k]], atol=1e-9)
 
 
-def test_budget_is_kept_about(house_model: BuildingModel) -> None:
-    few = len(build_grid(house_model, edge_lengths(house_model, 0.001, 20_000)).vertices)
-    many = len(build_grid(house_model, edge_lengths(house_model, 0.001, 80_000)).vertices)
-    assert 8_000 < few < 30_000
-    assert 2.0 < many / few < 8.0
+@pytest.mark.parametrize("budget", [600, 20_000, 80_000])
+def test_the_budget_is_a_bound_that_is_used(house_model: BuildingModel, budget: int) -> None:
+    grid, edge = grid_within(house_model, 0.001, budget)
+    assert 0.3 * budget < len(grid.vertices) <= budget
+    corner = grid.vertices[grid.triangles]
+    assert np.linalg.norm(corner[:, (1, 2, 0)] - corner, axis=2).max() <= edge.max() + 1e-9
 
 
-def test_the_budget_is_a_bound_and_a_coarse_grid_is_said(result: VerificationResult) -> None:
-    few = make_display(result, 600)
-    assert len(few.grid.vertices) < 1_000 and "Result vertices" in few.note
+def test_a_budget_below_the_corners_gives_the_corners(house_model: BuildingModel) -> None:
+    grid, _ = grid_within(house_model, 0.001, 10)
+    assert len(grid.triangles) == len(house_model.triangles)
+
+
+def test_a_coarse_grid_is_said(result: VerificationResult) -> None:
+    assert "Result vertices" in make_display(result, 600).note
     assert make_display(result, 50_000).note == ""
 
 

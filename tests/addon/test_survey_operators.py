@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
+import ifcopenshell  # noqa: E402
+import ifcopenshell.util.element  # noqa: E402
 import numpy as np  # noqa: E402
 
 from bim_verify.bim_verify_addon import forecast_scene, overlay, scene, survey_scene  # noqa: E402
@@ -27,6 +30,17 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(prediction, "make_table", lambda width, height: table)
     monkeypatch.setattr(prediction, "_made", {})
     monkeypatch.setitem(PRESETS, "fast", Scanner("fast", np.radians(1.0), sigma_range=0.001))
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def sets_of(path: Path, name: str) -> dict[str, dict[str, object]]:
+    """GlobalId -> the property set ``name``, of the elements that have it."""
+    file = ifcopenshell.open(str(path))
+    found = {e.GlobalId: ifcopenshell.util.element.get_psets(e) for e in file.by_type("IfcElement")}
+    return {key: sets[name] for key, sets in found.items() if name in sets}
 
 
 def stations(target: bpy.types.Scene, planned: bool) -> list[bpy.types.Object]:
@@ -97,6 +111,39 @@ def test_from_a_plan_to_a_simulated_scan_to_its_quality(blender: bpy.types.Scene
     mesh = max(elements.values(), key=lambda item: item["bim_verify_coverage"]).data
     assert {survey_scene.COVERED, survey_scene.SPACING, scene.COLOR} <= set(mesh.attributes.keys())
     assert all(item["bim_verify_quality"] for item in elements.values())
+
+    folder = tmp_path / "quality"
+    assert bpy.ops.bim_verify.export_quality(filepath=str(folder)) == {"FINISHED"}
+    assert names(folder) == ["patches.csv", "quality.json", "report", "samples.ply", "surveyed.ifc"]
+    assert set(sets_of(folder / "surveyed.ifc", "BimVerify_ScanQuality")) == set(elements)
+    assert bpy.ops.bim_verify.export_plan(filepath=str(tmp_path / "plan")) == {"FINISHED"}
+    assert names(tmp_path / "plan") == ["planned.ifc", "report", "stations.csv", "stations.json"]
+    assert len(json.loads((tmp_path / "plan" / "stations.json").read_text())["stations"]) == len(planned)
+    survey_scene.forget(blender)
+    assert not bpy.ops.bim_verify.export_quality.poll() and not bpy.ops.bim_verify.export_plan.poll()
+
+
+def test_the_quality_of_the_selection_leaves_the_others(blender: bpy.types.Scene, house: Path, tmp_path: Path) -> None:
+    bpy.ops.bim_verify.import_ifc(filepath=str(house))
+    camera = bpy.data.objects.new("eye", bpy.data.cameras.new("eye"))
+    camera.location = (2.0, 1.5, 1.4)
+    blender.collection.objects.link(camera)
+    blender.camera = camera
+    out = tmp_path / "scene.e57"
+    assert bpy.ops.bim_verify.simulate(filepath=str(out), scanner="fast") == {"FINISHED"}
+    bpy.ops.bim_verify.import_scan(filepath=str(out))
+    items = scene.element_objects(blender)
+    one, other = list(items)[:2]
+    for key, item in items.items():
+        item.select_set(key == one)
+    assert bpy.ops.bim_verify.quality(loa="10", selected_only=True) == {"FINISHED"}
+    assert [key for key, item in items.items() if "bim_verify_quality" in item] == [one]
+    for key, item in items.items():
+        item.select_set(key == other)
+    assert bpy.ops.bim_verify.quality(loa="20", selected_only=True) == {"FINISHED"}
+    assert bpy.ops.bim_verify.export_ifc(filepath=str(tmp_path / "out.ifc")) == {"FINISHED"}
+    found = sets_of(tmp_path / "out.ifc", "BimVerify_ScanQuality")
+    assert set(found) == {one, other}
 
 
 def test_any_scene_can_be_scanned_from_its_camera(blender: bpy.types.Scene, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from PIL import Image
 
 import bim_verify
 from bim_verify.core.errors import BimVerifyError
-from bim_verify.core.exchange.bcf import write_bcf
+from bim_verify.core.exchange.bcf import Version, write_bcf
 from bim_verify.core.exchange.findings import findings
 from bim_verify.core.exchange.ids import write_ids
 from bim_verify.core.exchange.viewpoint import finding_camera
@@ -92,6 +92,18 @@ def test_bcf_of_the_same_finding_keeps_its_topic(result: VerificationResult, tmp
         write_bcf(tmp_path / name, result, pictures=False)
     with load(tmp_path / "a.bcf") as a, load(tmp_path / "b.bcf") as b:
         assert set(a.topics) == set(b.topics)
+
+
+@pytest.mark.parametrize("version", ["3.0", "2.1"])
+def test_bcf_says_which_model_and_which_day(result: VerificationResult, tmp_path: Path, version: Version) -> None:
+    write_bcf(tmp_path / "f.bcf", result, version=version, pictures=False)
+    project = ifcopenshell.open(result.model.path).by_type("IfcProject")[0].GlobalId
+    with load(tmp_path / "f.bcf") as book:
+        for handler in book.topics.values():
+            files = handler.header.files.file if version == "3.0" else handler.header.file
+            assert [(f.filename, f.ifc_project) for f in files] == [("house.ifc", project)] and files[0].date is not None
+            made, changed = (str(handler.topic.creation_date), str(handler.topic.modified_date))
+            assert made.startswith("2024-05-01") and changed > made
 
 
 def test_bcf_takes_no_path_and_no_markup_from_names(hostile: VerificationResult, tmp_path: Path) -> None:
