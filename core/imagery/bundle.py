@@ -12,12 +12,12 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 from ..errors import BimVerifyError
 from ..progress import Progress
 from .bundle_kernels import (
     INSIDE,
+    OWN,
     POSE,
     back_substitute,
     point_covariances,
@@ -26,6 +26,8 @@ from .bundle_kernels import (
 )
 from .bundle_problem import INSIDE_NAMES, BundleProblem
 from .camera import Camera, Interior
+from .datum import check_datum, extent
+from .normal_equations import invert, solve
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -37,6 +39,9 @@ NOTHING_LEFT = 1e-9
 FEWEST_RAYS, NEARLY_NOTHING = 2, 1e-6
 """A point with fewer rays that are no outliers keeps all of them with this weight: it says nothing of the cameras, its own
 sigma says how little is known of it, and the others are adjusted."""
+MOST_CHUNKS = 8
+BYTES_OF_OBSERVATION, BYTES_OF_POINT = 200, 450
+"""Of a block and its adjustment in memory, beside the normal equations."""
 LEAST_SPREAD = 0.1
 """Of the stated sigma: a smaller spread of the residuals makes no observation an outlier."""
 
@@ -68,7 +73,11 @@ class Group:
 
 @dataclass(frozen=True)
 class BundleResult:
-    """The adjusted problem. Covariances are those of the stated sigmas times ``variance_factor`` where asked for."""
+    """The adjusted problem.
+
+    Covariances and sigmas are those of the stated ones, scaled up by ``covariance_scale`` where the residuals are worse than
+    stated: by the variance factor where that exceeds one.
+    """
 
     cameras: tuple[Camera, ...]
     interiors: tuple[Interior, ...]
@@ -83,6 +92,7 @@ class BundleResult:
     interior_sigma: Floats
     """(I, 8) of relative focal length, cx, cy [px], k1, k2, p1, p2, k3; zero where fixed."""
     variance_factor: float
+    covariance_scale: float
     redundancy: int
     groups: tuple[Group, ...]
     residual: Floats
@@ -93,16 +103,17 @@ class BundleResult:
 
 
 def adjust_bundle(
-    problem: BundleProblem, *, terms: Sequence[Term] = (), robust: bool = False, progress: Progress | None = None
+    problem: BundleProblem, *, terms: Sequence[Term] = (), robust: bool = False, memory_gb: float = 3.0,
+    progress: Progress | None = None,
 ) -> BundleResult:
     """Estimate cameras, free interior parameters and points by weighted least squares.
 
     ``robust`` re-weights observations by Huber's function of their normalised residual. Raises BimVerifyError when the
-    datum is not fixed (no control, no terms), when points cannot be determined, or when it does not settle.
+    datum is not fixed by control or terms, when it takes more than ``memory_gb``, or when it does not settle.
     """
     problem.check()
     progress = progress or Progress()
-    work = _Workspace(problem, terms)
+    work = _Workspace(problem, terms, memory_gb)
     work.check_start()
     damping, cost = 1e-4, work.cost()
     for number in range(1, MOST_ROUNDS + 1):
@@ -134,7 +145,7 @@ def adjust_bundle(
 class _Workspace:
     """The state of an adjustment: arrays for the kernels, observations sorted by point."""
 
-    def __init__(self, problem: BundleProblem, terms: Sequence[Term]) -> None:
+    def __init__(self, problem: BundleProblem, terms: Sequence[Term], memory_gb: float) -> None:
         self.problem, self.terms = problem, terms
         observed = problem.observed
         self.order = np.argsort(observed.point, kind="stable")
@@ -149,9 +160,14 @@ class _Workspace:
         self.cameras = list(problem.cameras)
         self.interiors = list(problem.interiors)
         self.points = np.ascontiguousarray(problem.points - self.centre)
-        self.total = POSE * len(self.cameras) + INSIDE * len(self.interiors)
-        named = np.array([name in problem.free for name in INSIDE_NAMES])
-        self.free = np.concatenate([np.ones(POSE * len(self.cameras), bool), np.tile(named, len(self.interiors))])
+        named = np.flatnonzero([name in problem.free for name in INSIDE_NAMES])
+        self.poses = POSE * len(self.cameras)
+        self.total = self.poses + len(named) * len(self.interiors)
+        inside = np.full((len(self.interiors), INSIDE), -1)
+        inside[:, named] = self.poses + np.arange(self.total - self.poses).reshape(len(self.interiors), -1)
+        self.inside = inside
+        self.slot = np.column_stack([np.arange(self.poses).reshape(-1, POSE), inside[problem.inside_of]]).astype(np.int64)
+        self.chunks = self._affordable(memory_gb)
         self._control()
         self._arrays()
 
@@ -162,6 +178,20 @@ class _Workspace:
         for row, point in enumerate(control.point):
             self.known[point] += np.diag(control.sigma[row] ** -2.0)
             self.target[point] = control.coordinates[row] - self.centre
+
+    def _affordable(self, memory_gb: float) -> int:
+        """Number of chunks that go into the memory. Raises BimVerifyError where not even one does."""
+        square, track = 8.0 * self.total**2, 8.0 * (self.most * OWN) ** 2
+        rest = BYTES_OF_OBSERVATION * len(self.camera) + BYTES_OF_POINT * len(self.points)
+        rest += 8.0 * (len(self.terms) + 2) * self.poses**2
+        for chunks in (MOST_CHUNKS, 4, 2, 1):
+            need = ((chunks + 2) * square + chunks * track + rest) / 2**30
+            if need <= memory_gb:
+                return chunks
+        raise BimVerifyError(
+            f"The adjustment of {len(self.cameras)} images with {self.total} unknowns of poses and lenses takes {need:.2g} GB; "
+            f"give more --memory-gb than {memory_gb:g}, let images share a lens, fix lens parameters, or split the block."
+        )
 
     def _arrays(self) -> None:
         self.rotations = np.array([c.rotation for c in self.cameras])
@@ -178,7 +208,12 @@ class _Workspace:
         return residuals(*self._seen, self.camera, self.point, self.pixel)
 
     def check_start(self) -> None:
-        """Raise BimVerifyError where a start value cannot be seen: no step would be found from there."""
+        """Raise BimVerifyError where the datum is open, or where a start value cannot be seen: no step would be found from
+        there."""
+        information = np.zeros((self.poses, self.poses))
+        for term in self.terms:
+            information += term.normals(self.cameras)[0]
+        check_datum(self.problem, information)
         blind = np.flatnonzero(~np.isfinite(self.left()).all(axis=1))
         if len(blind):
             first = f"point {self.point[blind[0]]}, {self.cameras[self.camera[blind[0]]].name}"
@@ -209,54 +244,63 @@ class _Workspace:
         pull = np.einsum("pij,pj->pi", self.known, self.target - self.points)
         normal, right, inverse, shift = reduced_normals(
             *self._seen, self.first, self.camera, self.pixel, self.base * self.robust, self.known, pull, damping,
-            self.total, self.most,
+            self.slot, self.total, self.most, self.chunks,
         )
         total, side = normal.sum(axis=0), right.sum(axis=0)
-        poses = POSE * len(self.cameras)
         for term in self.terms:
             information, push, _, _ = term.normals(self.cameras)
-            total[:poses, :poses] += information
-            side[:poses] += push
+            total[: self.poses, : self.poses] += information
+            side[: self.poses] += push
         return total, side, inverse, shift
 
     def stepped(self, damping: float) -> tuple[_Workspace, float]:
         total, side, inverse, shift = self._normals(damping)
-        keep = np.flatnonzero(self.free)
-        step = np.zeros(self.total)
-        matrix = total[np.ix_(keep, keep)]
-        matrix[np.diag_indices(len(keep))] *= 1.0 + damping
-        step[keep] = _cholesky_solve(matrix, side[keep])
+        total[np.diag_indices(self.total)] *= 1.0 + damping
+        step = solve(total, side)
         moved = back_substitute(
-            *self._seen, self.first, self.camera, self.pixel, self.base * self.robust, inverse, shift, step, self.most
+            *self._seen, self.first, self.camera, self.pixel, self.base * self.robust, inverse, shift, step, self.slot,
+            self.most, self.chunks,
         )
         out = object.__new__(_Workspace)
         out.__dict__.update(self.__dict__)
-        poses = step[: POSE * len(self.cameras)].reshape(-1, POSE)
+        poses = step[: self.poses].reshape(-1, POSE)
         out.cameras = [c.moved(s[:3], s[3:]) for c, s in zip(self.cameras, poses, strict=True)]
-        inside = step[POSE * len(self.cameras) :].reshape(-1, INSIDE)
-        out.interiors = [_moved_interior(i, s) for i, s in zip(self.interiors, inside, strict=True)]
+        out.interiors = [_moved_interior(i, s) for i, s in zip(self.interiors, self._of_lenses(step), strict=True)]
         out.points = self.points + moved
         out._arrays()
         return out, float(np.abs(side @ step))
 
+    def _of_lenses(self, values: Floats) -> Floats:
+        """(I, 8) of values (T,) of the free parameters; zero where fixed."""
+        return np.where(self.inside >= 0, values[self.inside], 0.0)
+
+    def _check_poses(self, variance: Floats) -> None:
+        """Raise BimVerifyError where a camera's ``variance`` (C, 6) says that its place is not determined."""
+        position = np.sqrt(variance[:, 3:].max(axis=1))
+        worst = int(np.argmax(position))
+        if not position[worst] <= extent(self.problem)[1]:
+            raise BimVerifyError(
+                f"{self.cameras[worst].name} hangs on too few points: its position is uncertain by {position[worst]:.3g} m; leave it "
+                "out, or give more observations."
+            )
+
     def result(self, rounds: int, progress: Progress) -> BundleResult:
         progress.update(0.9, "Covariances")
         total, _, inverse, _ = self._normals(0.0)
-        keep = np.flatnonzero(self.free)
-        covariance = np.zeros((self.total, self.total))
-        covariance[np.ix_(keep, keep)] = _cholesky_solve(total[np.ix_(keep, keep)], np.eye(len(keep)))
+        covariance = invert(total)
+        self._check_poses(np.diag(covariance)[: self.poses].reshape(-1, POSE))
         weight = self.base * self.robust
         point_cov, taken = point_covariances(
-            *self._seen, self.first, self.camera, self.pixel, weight, inverse, covariance, self.most
+            *self._seen, self.first, self.camera, self.pixel, weight, inverse, covariance, self.slot, self.most, self.chunks
         )
         shared = np.einsum("pii->p", point_cov - inverse) / 3.0
         left = self.left()
         groups = self._groups(left, taken, point_cov, covariance)
         observations, squares = sum(g.observations for g in groups), sum(g.squares for g in groups)
-        redundancy = observations - len(keep) - 3 * len(self.points)
+        redundancy = observations - self.total - 3 * len(self.points)
         factor = squares / redundancy if redundancy > 0 else float("nan")
-        poses = POSE * len(self.cameras)
-        blocks = covariance[:poses, :poses].reshape(len(self.cameras), POSE, len(self.cameras), POSE)
+        scale = max(factor, 1.0) if redundancy > 0 else 1.0
+        blocks = covariance[: self.poses, : self.poses].reshape(len(self.cameras), POSE, len(self.cameras), POSE)
         index = np.arange(len(self.cameras))
         unsorted = np.empty_like(left)
         unsorted[self.order] = left
@@ -267,11 +311,11 @@ class _Workspace:
             cameras=tuple(
                 replace(c, interior=self.interiors[i]) for c, i in zip(self.cameras, self.problem.inside_of, strict=True)
             ),
-            interiors=tuple(self.interiors), points=self.points + self.centre, point_covariance=point_cov,
-            shared_sigma=np.sqrt(np.maximum(shared, 0.0)),
-            pose_covariance=blocks[index, :, index, :],
-            interior_sigma=np.sqrt(np.diag(covariance)[poses:]).reshape(-1, INSIDE),
-            variance_factor=factor, redundancy=redundancy, groups=groups, residual=unsorted, weight=kept, rounds=rounds,
+            interiors=tuple(self.interiors), points=self.points + self.centre, point_covariance=scale * point_cov,
+            shared_sigma=np.sqrt(scale * np.maximum(shared, 0.0)),
+            pose_covariance=scale * blocks[index, :, index, :],
+            interior_sigma=np.sqrt(scale * self._of_lenses(np.diag(covariance))),
+            variance_factor=factor, covariance_scale=scale, redundancy=redundancy, groups=groups, residual=unsorted, weight=kept, rounds=rounds,
         )
 
     def _groups(self, left: Floats, taken: Floats, point_cov: Floats, covariance: Floats) -> tuple[Group, ...]:
@@ -284,26 +328,11 @@ class _Workspace:
             count = 3 * len(self.problem.control.point)
             used_up = float(np.einsum("pij,pji->", self.known[controlled], point_cov[controlled]))
             groups.append(Group("control", count, count - used_up, self._control_squares()))
-        poses = POSE * len(self.cameras)
+        at_poses = covariance[: self.poses, : self.poses]
         for term in self.terms:
             information, _, squares, count = term.normals(self.cameras)
-            groups.append(Group(term.name, count, count - float(np.sum(information * covariance[:poses, :poses])), squares))
+            groups.append(Group(term.name, count, count - float(np.sum(information * at_poses)), squares))
         return tuple(groups)
-
-
-def _cholesky_solve(matrix: Floats, right: Floats) -> Floats:
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = matrix * scale[:, None] * scale[None, :]
-    try:
-        factor = cho_factor(scaled, lower=True, check_finite=False)
-    except np.linalg.LinAlgError as error:
-        raise BimVerifyError(
-            "The datum of the bundle is not fixed, or a camera hangs on too few points; give control points, coarse "
-            "poses with their sigma, or more observations."
-        ) from error
-    sides = right * scale if right.ndim == 1 else right * scale[:, None]
-    found = cho_solve(factor, sides, check_finite=False)
-    return np.asarray(found * scale if right.ndim == 1 else found * scale[:, None])
 
 
 def _inside_row(interior: Interior) -> Floats:
