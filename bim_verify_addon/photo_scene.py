@@ -60,8 +60,7 @@ def show_photos(target: bpy.types.Scene, result: CoregistrationResult) -> str:
     if target.camera is None or PHOTO_KEY in target.camera:
         target.camera = pose_of(target, Path(result.images[0]).name)
     scene.show_colors_in_views()
-    placed = sum(state in ("REFINED", "PARTLY") for state in states)
-    target[SUMMARY_KEY] = f"{placed} of {len(states)} images are placed on the model."
+    target[SUMMARY_KEY] = f"{result.placed} of {len(states)} images are placed on the model."
     return str(target[SUMMARY_KEY])
 
 
@@ -73,10 +72,10 @@ def pose_of(target: bpy.types.Scene, name: str, *, given: bool = False) -> bpy.t
 
 def _note(found: ImageRegistration) -> str:
     """How well an image is placed: standard deviations, how many lines fixed it, what stayed open."""
-    from ..core.imagery.coregistration import sigmas
+    from ..core.imagery.coregistration import is_placed, sigmas
 
     said = [found.note] if found.note else []
-    if found.covariance is not None:
+    if found.covariance is not None and is_placed(found):
         rotation, position = sigmas(found.covariance)
         used = sum(match.kept for match in found.matches)
         said.append(

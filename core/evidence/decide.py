@@ -249,7 +249,7 @@ def _status(
         less = f"only {plan.share:.0%} fits" if plan.share < best.share else f"only {plan.at:.2f} m2, not {best.at:.2f} m2, fit"
         return "DEVIATING", f"{place}; {less} the plan. {label(context.loa)} allows {1000 * bound:.0f} mm."
     if whole <= 0:
-        return "NOTOBSERVED", "Other elements touch or enclose its whole surface, so no scanner can see it."
+        return "NOTOBSERVED", "Other elements touch or enclose its whole surface, so nothing can see it."
     if not enough_seen(plan, share, t):
         return "NOTOBSERVED", (
             f"Only {share:.1%} of its exposed surface was in view of a station, of {plan.rays} rays; that is no evidence."

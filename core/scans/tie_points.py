@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..imagery.block_points import BlockPoints, read_block
+from ..results import CAMERA_SENSOR
 from .campaign import Station
 from .scan_file import Columns, ScanFile, scan_frame_setup
 
@@ -32,7 +33,7 @@ class TiePointFile(ScanFile):
         count = np.bincount(self._camera, minlength=len(self.block.cameras))
         self._first = np.concatenate([[0], np.cumsum(count)])
         setups = [
-            scan_frame_setup(Station(c.name, np.asarray(c.position), c.rotation.T, sensor="camera", block=path.name))
+            scan_frame_setup(Station(c.name, np.asarray(c.position), c.rotation.T, sensor=CAMERA_SENSOR, block=str(path.resolve())))
             for c in self.block.cameras
         ]
         super().__init__(path, setups, [int(n) for n in count])
