@@ -150,6 +150,8 @@ def conclude(
     vector, sigma, length, significant = _test(best.fit, context)
     standing = standing_shares(element.ifc_class, model.transparent[samples.triangle[rows]], t)
     status, reason = _status(plan, best, whole, seen_area, ratio[context.loa], length, bound, standing, context)
+    if context.registration_sigma > level_sigma(context.loa) and status in ("CONFIRMED", "DEVIATING") and not significant:
+        status, reason = "PARTIAL", _too_uncertain(length, context)
     if status in ("ABSENT", "NOTOBSERVED"):
         vector = sigma = length = significant = None
     if (status in ("ABSENT", "NOTOBSERVED", "DEVIATING") and best is not plan) or status in ("ABSENT", "NOTOBSERVED"):
@@ -167,6 +169,13 @@ def conclude(
         measurement_sigma=context.sigma, registration_sigma=context.registration_sigma,
         reason=reason, stations=tuple(context.station_names[s] for s in best.stations),
     )
+
+
+def _too_uncertain(length: float | None, context: Context) -> str:
+    """Why a place or a shape cannot be told from an error of the registration."""
+    known = f"the stations' place is known to {1000 * context.registration_sigma:.0f} mm only (one sigma)"
+    where = "What was seen" if length is None else f"It seems to stand {1000 * length:.1f} mm from its planned place; that"
+    return f"{where} cannot be decided at {label(context.loa)}: {known}."
 
 
 GLAZED = ("IfcWindow", "IfcDoor", "IfcCurtainWall", "IfcRoofLight")

@@ -1,17 +1,20 @@
 """Bundle adjustment in the Gauss-Markov model, with the covariance of every point and variance components per group.
 
 The points are eliminated (Schur complement), so the dense system has the size of the cameras only. Groups of observations
-(tie points, control, and what ``terms`` add) each get a variance component: s^2 = v^T W v / r, r the group's redundancy.
+(tie points, control, and what ``terms`` add) each get a variance component: s^2 = v^T W v / r, r the group's redundancy. Tie
+points and control that are worse than stated (chi-square test of their component) are adjusted again with larger sigmas.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from ..errors import BimVerifyError
 from ..progress import Progress
@@ -39,6 +42,10 @@ NOTHING_LEFT = 1e-9
 FEWEST_RAYS, NEARLY_NOTHING = 2, 1e-6
 """A point with fewer rays that are no outliers keeps all of them with this weight: it says nothing of the cameras, its own
 sigma says how little is known of it, and the others are adjusted."""
+TIE_POINTS, CONTROL = "tie points", "control"
+WORSE = 0.001
+"""A group whose squares chance exceeds with this probability only is worse than stated."""
+MOST_WEIGHINGS = 4
 MOST_CHUNKS = 8
 BYTES_OF_OBSERVATION, BYTES_OF_POINT = 200, 450
 """Of a block and its adjustment in memory, beside the normal equations."""
@@ -64,19 +71,29 @@ class Group:
     observations: int
     redundancy: float
     squares: float
+    """Weighted by the stated sigmas."""
+    stretch: float = 1.0
+    """What the stated sigmas were multiplied by, because the observations are worse than that."""
 
     @property
     def factor(self) -> float:
         """Estimated variance over the stated one."""
         return self.squares / self.redundancy if self.redundancy > 1e-6 else float("nan")
 
+    @property
+    def stretched(self) -> float:
+        """``stretch``, and what is wanting of it where the observations are still worse than chance makes them."""
+        left = self.squares / self.stretch**2
+        worse = self.redundancy > 1e-6 and left > chdtri(self.redundancy, WORSE)
+        return math.sqrt(self.factor) if worse else self.stretch
+
 
 @dataclass(frozen=True)
 class BundleResult:
     """The adjusted problem.
 
-    Covariances and sigmas are those of the stated ones, scaled up by ``covariance_scale`` where the residuals are worse than
-    stated: by the variance factor where that exceeds one.
+    Covariances and sigmas count what the residuals show: groups that are worse than stated with their ``stretch``, and all by
+    ``covariance_scale``, the variance factor that is left then, where it exceeds one.
     """
 
     cameras: tuple[Camera, ...]
@@ -92,6 +109,7 @@ class BundleResult:
     interior_sigma: Floats
     """(I, 8) of relative focal length, cx, cy [px], k1, k2, p1, p2, k3; zero where fixed."""
     variance_factor: float
+    """Of the stated sigmas."""
     covariance_scale: float
     redundancy: int
     groups: tuple[Group, ...]
@@ -113,8 +131,22 @@ def adjust_bundle(
     """
     problem.check()
     progress = progress or Progress()
-    work = _Workspace(problem, terms, memory_gb)
-    work.check_start()
+    start, stretch = problem, (1.0, 1.0)
+    for _ in range(MOST_WEIGHINGS):
+        work = _Workspace(start, terms, memory_gb, stretch)
+        work.check_start()
+        work, rounds = _settled(work, robust, progress)
+        found = work.result(rounds, progress)
+        needed = {group.name: group.stretched for group in found.groups}
+        last, stretch = stretch, (needed[TIE_POINTS], needed.get(CONTROL, 1.0))
+        if stretch == last:
+            break
+        start = replace(problem, cameras=found.cameras, interiors=found.interiors, points=found.points)
+    return found
+
+
+def _settled(work: _Workspace, robust: bool, progress: Progress) -> tuple[_Workspace, int]:
+    """The minimum from the start in ``work``, and how many rounds it took."""
     damping, cost = 1e-4, work.cost()
     for number in range(1, MOST_ROUNDS + 1):
         progress.update(number / (MOST_ROUNDS + 5), f"Bundle adjustment, round {number}")
@@ -134,25 +166,28 @@ def adjust_bundle(
         decrease = (cost - new) / max(cost, 1e-300)
         work, cost, damping = trial, new, max(damping / 10.0, 1e-15)
         settled = decrease < ENOUGH and predicted < 1e-6 and damping <= 1e-9
-        exact = cost < NOTHING_LEFT * len(problem.observed) and predicted < 1e-6
+        exact = cost < NOTHING_LEFT * len(work.base) and predicted < 1e-6
         if (settled or exact) and not (robust and number < 8):
             break
     else:
         raise BimVerifyError("The bundle adjustment does not settle; check the start values and look for gross errors.")
-    return work.result(number, progress)
+    return work, number
 
 
 class _Workspace:
     """The state of an adjustment: arrays for the kernels, observations sorted by point."""
 
-    def __init__(self, problem: BundleProblem, terms: Sequence[Term], memory_gb: float) -> None:
-        self.problem, self.terms = problem, terms
+    def __init__(
+        self, problem: BundleProblem, terms: Sequence[Term], memory_gb: float, stretch: tuple[float, float]
+    ) -> None:
+        """``stretch`` the stated sigmas of tie points and of control are multiplied by."""
+        self.problem, self.terms, self.stretch = problem, terms, stretch
         observed = problem.observed
         self.order = np.argsort(observed.point, kind="stable")
         self.camera = np.ascontiguousarray(observed.camera[self.order])
         self.point = np.ascontiguousarray(observed.point[self.order])
         self.pixel = np.ascontiguousarray(observed.pixel[self.order], dtype=np.float64)
-        self.base = 1.0 / observed.sigma[self.order] ** 2
+        self.base = 1.0 / (stretch[0] * observed.sigma[self.order]) ** 2
         self.robust = np.ones(len(self.base))
         self.first = np.searchsorted(self.point, np.arange(len(problem.points) + 1)).astype(np.int64)
         self.most = int(np.diff(self.first).max())
@@ -176,7 +211,7 @@ class _Workspace:
         self.known = np.zeros((count, 3, 3))
         self.target = np.zeros((count, 3))
         for row, point in enumerate(control.point):
-            self.known[point] += np.diag(control.sigma[row] ** -2.0)
+            self.known[point] = np.diag((self.stretch[1] * control.sigma[row]) ** -2.0)
             self.target[point] = control.coordinates[row] - self.centre
 
     def _affordable(self, memory_gb: float) -> int:
@@ -280,8 +315,8 @@ class _Workspace:
         worst = int(np.argmax(position))
         if not position[worst] <= extent(self.problem)[1]:
             raise BimVerifyError(
-                f"{self.cameras[worst].name} hangs on too few points: its position is uncertain by {position[worst]:.3g} m; leave it "
-                "out, or give more observations."
+                f"{self.cameras[worst].name} hangs on too few points: its position is uncertain by {position[worst]:.3g} m; "
+                "leave it out, or give more observations."
             )
 
     def result(self, rounds: int, progress: Progress) -> BundleResult:
@@ -296,10 +331,10 @@ class _Workspace:
         shared = np.einsum("pii->p", point_cov - inverse) / 3.0
         left = self.left()
         groups = self._groups(left, taken, point_cov, covariance)
-        observations, squares = sum(g.observations for g in groups), sum(g.squares for g in groups)
-        redundancy = observations - self.total - 3 * len(self.points)
-        factor = squares / redundancy if redundancy > 0 else float("nan")
-        scale = max(factor, 1.0) if redundancy > 0 else 1.0
+        redundancy = sum(g.observations for g in groups) - self.total - 3 * len(self.points)
+        factor = sum(g.squares for g in groups) / redundancy if redundancy > 0 else float("nan")
+        left_over = sum(g.squares / g.stretch**2 for g in groups)
+        scale = max(left_over / redundancy, 1.0) if redundancy > 0 else 1.0
         blocks = covariance[: self.poses, : self.poses].reshape(len(self.cameras), POSE, len(self.cameras), POSE)
         index = np.arange(len(self.cameras))
         unsorted = np.empty_like(left)
@@ -315,19 +350,21 @@ class _Workspace:
             shared_sigma=np.sqrt(scale * np.maximum(shared, 0.0)),
             pose_covariance=scale * blocks[index, :, index, :],
             interior_sigma=np.sqrt(scale * self._of_lenses(np.diag(covariance))),
-            variance_factor=factor, covariance_scale=scale, redundancy=redundancy, groups=groups, residual=unsorted, weight=kept, rounds=rounds,
+            variance_factor=factor, covariance_scale=scale, redundancy=redundancy, groups=groups, residual=unsorted,
+            weight=kept, rounds=rounds,
         )
 
     def _groups(self, left: Floats, taken: Floats, point_cov: Floats, covariance: Floats) -> tuple[Group, ...]:
         used = self.robust > 0
         count = 2 * int(used.sum())
         squares = float((left[used] ** 2).sum(axis=1) @ (self.base * self.robust)[used])
-        groups = [Group("tie points", count, count - float(taken.sum()), squares)]
+        ties, controls = self.stretch
+        groups = [Group(TIE_POINTS, count, count - float(taken.sum()), squares * ties**2, ties)]
         controlled = np.unique(self.problem.control.point)
         if len(controlled):
             count = 3 * len(self.problem.control.point)
             used_up = float(np.einsum("pij,pji->", self.known[controlled], point_cov[controlled]))
-            groups.append(Group("control", count, count - used_up, self._control_squares()))
+            groups.append(Group(CONTROL, count, count - used_up, self._control_squares() * controls**2, controls))
         at_poses = covariance[: self.poses, : self.poses]
         for term in self.terms:
             information, _, squares, count = term.normals(self.cameras)

@@ -203,7 +203,10 @@ def adjusted_project(
         "points_left_out": [] if left_out is None else left_out,
         "redundancy": result.redundancy,
         "groups": [
-            {"name": g.name, "observations": g.observations, "redundancy": g.redundancy, "variance_component": g.factor}
+            {
+                "name": g.name, "observations": g.observations, "redundancy": g.redundancy, "variance_component": g.factor,
+                "sigma_multiplied_by": g.stretch,
+            }
             for g in result.groups
         ],
         "rounds": result.rounds,

@@ -29,10 +29,10 @@ def summary(problem: BundleProblem, result: BundleResult) -> dict[str, float | i
 
 
 def scaling(result: BundleResult) -> str:
-    """One sentence: which sigmas are given."""
-    if result.covariance_scale > 1.0:
-        return f"All sigmas are the stated ones times {math.sqrt(result.covariance_scale):.2f} (sigma 0)."
-    return "All sigmas are those that follow from the stated ones; they are not scaled, as sigma 0 is not above 1."
+    """One sentence: what the sigmas of the result count."""
+    worse = [f"{g.name} {g.stretch:.2f} times" for g in result.groups if g.stretch > 1.0]
+    first = f"Sigmas count {' and '.join(worse)} the stated ones" if worse else "Sigmas follow from the stated ones"
+    return f"{first}, times {math.sqrt(result.covariance_scale):.3f} (sigma 0 that is left, where above 1)."
 
 
 def point_sigma(result: BundleResult) -> np.ndarray:

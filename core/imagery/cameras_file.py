@@ -51,10 +51,10 @@ class CameraList:
 
 
 def camera_of(path: str | Path, names: Sequence[str]) -> int:
-    """Row of the camera of an image file among their ``names`` (see ``image_names``). BimVerifyError unless there is just one."""
+    """Row of the camera of an image file among their ``names`` (see ``image_names``). BimVerifyError unless it is just one."""
     found = matching(path, names)
     if len(found) > 1:
-        raise BimVerifyError(f"{len(found)} cameras are called {names[found[0]]} as the image {path}; give every image one camera.")
+        raise BimVerifyError(f"{len(found)} cameras are called as the image {Path(path).name}; give every image one camera.")
     if not found:
         raise BimVerifyError(f"There is no camera for the image {Path(path).name}; cameras are named like {names[0]}.")
     return found[0]

@@ -31,8 +31,8 @@ def common_moves(cameras: Sequence[Camera], centre: Floats, size: float) -> Floa
 
 
 def check_datum(problem: BundleProblem, information: Floats) -> None:
-    """Raise BimVerifyError where control and ``information`` (6C, 6C) on the poses leave a common motion open, or where a camera
-    with no such information sees too few points."""
+    """Raise BimVerifyError where control and ``information`` (6C, 6C) on the poses leave a common motion open, or where a
+    camera with no such information sees too few points."""
     seen = np.unique(np.stack([problem.observed.camera, problem.observed.point], axis=1), axis=0)[:, 0]
     count = np.bincount(seen, minlength=len(problem.cameras))
     known = np.diag(information).reshape(-1, POSE).any(axis=1)
@@ -51,7 +51,7 @@ def check_datum(problem: BundleProblem, information: Floats) -> None:
     if least * (MOST_OPEN * size) ** 2 < 1.0:
         open_by = f"{1.0 / math.sqrt(least):.3g} m" if least > 1e-12 else "any amount"
         raise BimVerifyError(
-            f"The datum of the bundle is not fixed: the {len(problem.control.point)} control points leave a shift, turn or scale "
+            f"The datum of the bundle is not fixed: {len(problem.control.point)} control points leave a shift, turn or scale "
             f"of the whole block open by {open_by}; give three or more that do not lie on one line."
         )
 

@@ -33,8 +33,8 @@ class FreeNet:
         base = float(np.sqrt(((position - centre) ** 2).sum(axis=1).mean()))
         if base < LEAST_BASE_M:
             raise BimVerifyError(
-                f"The block has no control points and its {len(cameras)} cameras stand at one place, so nothing fixes its scale; "
-                "give control points."
+                f"The block has no control points and its cameras ({len(cameras)}) stand at one place, so nothing fixes its "
+                "scale; give control points."
             )
         size = max(base, 1.0)
         weight = np.tile(np.concatenate([np.full(3, size**2), np.ones(3)]), len(cameras))

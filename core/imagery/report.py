@@ -19,8 +19,8 @@ COLUMNS = (
 )
 COLUMN_NOTE = (
     "Explained: share of the visible edges' length that has a line. Next best: what the best different pose explains, as a "
-    "share of that; above 93 % is ambiguous. Chance: the same of poses drawn by chance; above 80 % is ambiguous. A pose that is "
-    "not placed has no further figures."
+    "share of that; above 93 % is ambiguous. Chance: the same of poses drawn by chance; above 80 % is ambiguous. An image that "
+    "is not placed has no further figures."
 )
 
 
