@@ -217,7 +217,7 @@ class _Workspace:
     def _affordable(self, memory_gb: float) -> int:
         """Number of chunks that go into the memory. Raises BimVerifyError where not even one does."""
         square, track = 8.0 * self.total**2, 8.0 * (self.most * OWN) ** 2
-        rest = BYTES_OF_OBSERVATION * len(self.camera) + BYTES_OF_POINT * len(self.points)
+        rest = float(BYTES_OF_OBSERVATION * len(self.camera) + BYTES_OF_POINT * len(self.points))
         rest += 8.0 * (len(self.terms) + 2) * self.poses**2
         for chunks in (MOST_CHUNKS, 4, 2, 1):
             need = ((chunks + 2) * square + chunks * track + rest) / 2**30
