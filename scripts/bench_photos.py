@@ -4,8 +4,8 @@
 
 Every image is placed from several coarse poses, drawn anew from the sigmas of ``cameras.json``. The last line says how far the
 lines that were used lie from their edges as built, seen from the true pose. With ``--swapped`` every image is given for every
-other's place instead, which must be refused. With ``--buildings N`` no images are read: quick ones are made by ray casting at the
-same places, of N buildings whose elements stand off anew, so that errors over covariances are those of many buildings.
+other's place instead, which must be refused. With ``--buildings N`` no images are read: quick ones are made by ray casting at
+the same places, of N buildings whose elements stand off anew, so that errors over covariances are those of many buildings.
 """
 
 from __future__ import annotations
