@@ -151,7 +151,9 @@ def conclude(
     standing = standing_shares(element.ifc_class, model.transparent[samples.triangle[rows]], t)
     status, reason = _status(plan, best, whole, seen_area, ratio[context.loa], length, bound, standing, context)
     if context.registration_sigma > level_sigma(context.loa) and status in ("CONFIRMED", "DEVIATING") and not significant:
-        status, reason = "PARTIAL", _too_uncertain(length, context)
+        near = np.abs(deviation[measured]) <= bound + 2.0 * context.registration_sigma
+        if area[measured][near].sum() >= t.present_share * max(seen_area, float(area[measured].sum())):
+            status, reason = "PARTIAL", _too_uncertain(length, context)
     if status in ("ABSENT", "NOTOBSERVED"):
         vector = sigma = length = significant = None
     if (status in ("ABSENT", "NOTOBSERVED", "DEVIATING") and best is not plan) or status in ("ABSENT", "NOTOBSERVED"):
