@@ -30,6 +30,7 @@ from .bundle_kernels import (
 from .bundle_problem import INSIDE_NAMES, BundleProblem
 from .camera import Camera, Interior
 from .datum import check_datum, extent
+from .determined import determined
 from .normal_equations import invert, solve
 
 Floats = NDArray[np.float64]
@@ -249,6 +250,9 @@ class _Workspace:
         for term in self.terms:
             information += term.normals(self.cameras)[0]
         check_datum(self.problem, information)
+        open_points = determined(self.problem)[1]
+        if len(open_points):
+            raise BimVerifyError(f"Fewer than two images show point {open_points[0]}; leave it out.")
         blind = np.flatnonzero(~np.isfinite(self.left()).all(axis=1))
         if len(blind):
             first = f"point {self.point[blind[0]]}, {self.cameras[self.camera[blind[0]]].name}"

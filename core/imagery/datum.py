@@ -16,6 +16,8 @@ from .camera import Camera
 Floats = NDArray[np.float64]
 MOST_OPEN = 0.3
 """Standard deviation of the datum's least certain motion, as a share of the block's size: more than this is not held."""
+MUCH = 100.0
+"""Times the block's size: so much is any amount."""
 FEWEST_POINTS = 3
 
 
@@ -49,7 +51,7 @@ def check_datum(problem: BundleProblem, information: Floats) -> None:
     held += np.einsum("kij,ki,kil->jl", lever, problem.control.sigma**-2.0, lever)
     least = float(np.linalg.eigvalsh(held)[0])
     if least * (MOST_OPEN * size) ** 2 < 1.0:
-        open_by = f"{1.0 / math.sqrt(least):.3g} m" if least > 1e-12 else "any amount"
+        open_by = f"{1.0 / math.sqrt(least):.2g} m" if least * (MUCH * size) ** 2 > 1.0 else "any amount"
         raise BimVerifyError(
             f"The datum of the bundle is not fixed: {len(problem.control.point)} control points leave a shift, turn or scale "
             f"of the whole block open by {open_by}; give three or more that do not lie on one line."

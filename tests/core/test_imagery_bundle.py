@@ -119,6 +119,8 @@ def test_points_that_nothing_fixes_are_left_out_and_counted() -> None:
     o = problem.observed
     keep = ~np.isin(o.point, (2, 10, 11)) | ((o.camera == 0) & (o.point != 11))  # 2 is a control point
     thin = replace(o, camera=o.camera[keep], point=o.point[keep], pixel=o.pixel[keep], sigma=o.sigma[keep])
+    with pytest.raises(BimVerifyError, match="Fewer than two images show point 10"):
+        adjust_bundle(replace(problem, observed=thin))
     found = job(replace(problem, observed=thin))
     assert found.left_out.tolist() == [10, 11] and len(found.result.points) == len(truth) - 2
     assert np.abs(found.result.points - np.delete(truth, [10, 11], axis=0)).max() < 0.02
