@@ -54,14 +54,14 @@ def show_photos(target: bpy.types.Scene, result: CoregistrationResult) -> str:
             (name, result.camera(index), states[index], _note(found)),
             (f"{name} {AS_GIVEN}", replace(found.coarse.camera, interior=lens), AS_GIVEN, "The pose of the cameras file"),
         ):
-            item = _camera(target, label, name, pose, result.model.origin, place, path)
+            item = camera_object(label, pose, pose.position + result.model.origin, place, path)
+            _keep(target, item, name)
             item["bim_verify_state"], item["note"] = state, note
         _edges(target, name, found, result.model.origin, place)
     if target.camera is None or PHOTO_KEY in target.camera:
         target.camera = pose_of(target, Path(result.images[0]).name)
     scene.show_colors_in_views()
-    placed = sum(state in ("REFINED", "PARTLY") for state in states)
-    target[SUMMARY_KEY] = f"{placed} of {len(states)} images are placed on the model."
+    target[SUMMARY_KEY] = f"{result.placed} of {len(states)} images are placed on the model."
     return str(target[SUMMARY_KEY])
 
 
@@ -73,10 +73,10 @@ def pose_of(target: bpy.types.Scene, name: str, *, given: bool = False) -> bpy.t
 
 def _note(found: ImageRegistration) -> str:
     """How well an image is placed: standard deviations, how many lines fixed it, what stayed open."""
-    from ..core.imagery.coregistration import sigmas
+    from ..core.imagery.coregistration import is_placed, sigmas
 
     said = [found.note] if found.note else []
-    if found.covariance is not None:
+    if found.covariance is not None and is_placed(found):
         rotation, position = sigmas(found.covariance)
         used = sum(match.kept for match in found.matches)
         said.append(
@@ -103,11 +103,13 @@ def show(target: bpy.types.Scene, result: object) -> bool:
     return True
 
 
-def _camera(
-    target: bpy.types.Scene, label: str, name: str, camera: Camera, origin: NDArray[np.float64], place: frame.ViewFrame,
-    path: str,
+def camera_object(
+    label: str, camera: Camera, position: NDArray[np.float64], place: frame.ViewFrame, path: str | Path | None
 ) -> bpy.types.Object:
-    """Blender's camera has no distortion: the image behind it fits in the middle, and its border only about."""
+    """A camera at ``position`` (3,) in the model frame, with the image at ``path`` behind it; not yet in a collection.
+
+    Blender's camera has no distortion: the image behind it fits in the middle, and its border only about.
+    """
     lens = camera.interior
     data = bpy.data.cameras.new(label)
     data.sensor_fit = "HORIZONTAL" if lens.width >= lens.height else "VERTICAL"
@@ -117,7 +119,7 @@ def _camera(
     data.shift_x = ((lens.width - 1) / 2 - lens.cx) / size
     data.shift_y = (lens.cy - (lens.height - 1) / 2) / size
     data.clip_start, data.display_size = 0.05, 0.3
-    if Path(path).is_file():
+    if path is not None and Path(path).is_file():
         back = data.background_images.new()
         back.image = bpy.data.images.load(str(Path(path).resolve()), check_existing=True)
         back.alpha, back.display_depth = 0.5, "FRONT"  # so that it is seen on the model in every shading
@@ -125,9 +127,8 @@ def _camera(
     item = bpy.data.objects.new(label, data)
     matrix = np.eye(4)
     matrix[:3, :3] = place.turned(camera.rotation.T @ PHOTOGRAMMETRIC)
-    matrix[:3, 3] = place.to_view(camera.position + origin)
+    matrix[:3, 3] = place.to_view(position)
     item.matrix_world = Matrix(matrix.tolist())
-    _keep(target, item, name)
     return item
 
 

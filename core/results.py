@@ -101,6 +101,10 @@ class AlignmentRecord:
     inlier_ratio: float | None = None
 
 
+CAMERA_SENSOR = "camera"
+"""Sensor of a station that is a photo."""
+
+
 @dataclass(frozen=True)
 class StationRecord:
     """What one station gave."""
@@ -164,6 +168,11 @@ class VerificationResult:
     """Elements with photogrammetric points; empty without such input."""
     decisions: dict[str, Decision] = field(default_factory=dict)
     """GlobalId -> what a person decided instead."""
+
+    @property
+    def photos_only(self) -> bool:
+        """Whether all evidence comes from photos: stations are cameras, and nothing was scanned."""
+        return bool(self.stations) and all(s.sensor == CAMERA_SENSOR for s in self.stations)
 
     def status_of(self, verdict: ElementVerdict) -> Status:
         """What holds for an element: a person's decision, else the computed verdict."""

@@ -195,7 +195,12 @@ def tables(cells: dict[tuple[str, int, float], Cell], runs: int) -> dict[str, ob
                     gains.append((theirs / best, ours / best))
             print(text)
     theirs_over, ours_over = np.array(gains).T
+    above = sum(
+        float(cells["projective", level, noise].spread[row]) > SOURCE[level][row][column]
+        for level in SOURCE for row in range(6) for column, noise in enumerate(NOISE_PX)
+    )
     print(f"\n{below} of {total} cells of LOA50 to LOA30 are at or below the source's (12-element projection matrix).")
+    print(f"With omega, phi and kappa paired with the source's rows as they stand there, {above} would be above.")
     print(
         f"Calibrated against the source: {theirs_over.min():.1f} to {theirs_over.max():.1f} times better (median "
         f"{np.median(theirs_over):.1f}); against the 12 elements here: {ours_over.min():.1f} to {ours_over.max():.1f} "

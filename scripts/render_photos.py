@@ -20,6 +20,7 @@ import bpy
 import numpy as np
 from blender_lens import photograph, place_camera, save
 from headless_entry import package
+from numpy.typing import NDArray
 
 PACKAGE = package()
 
@@ -37,6 +38,8 @@ DISTORTION = (-0.12, 0.03, 0.0006, -0.0004, 0.0)
 MARGIN = 1.2
 """How much wider the ideal picture is rendered, so that the distorted one has no empty corners."""
 FLASH_W, FLASH_ABOVE_M = 500.0, 0.25
+
+Array = NDArray[np.float64]
 
 
 def main() -> None:
@@ -68,23 +71,25 @@ def main() -> None:
         for camera in cameras
     ]
     sigmas = {"position_sigma_m": options.position_sigma, "rotation_sigma_deg": options.rotation_sigma}
+    written: dict[str, Any] = {}
     for name, poses in (("cameras.json", coarse), ("truth.json", cameras)):
         entries = []
         for pose in poses:
             entry = camera_to_plain(pose)
             entry["position"] = (pose.position + model.origin).tolist()
             entries.append(entry)
-        text = json.dumps({"format": FORMAT, "format_version": 1, "frame": "model", **sigmas, "cameras": entries}, indent=1)
-        (options.out / name).write_text(text, encoding="ascii")
-    build(model, options, rng)
+        written[name] = {"format": FORMAT, "format_version": 1, "frame": "model", **sigmas, "cameras": entries}
+    written["truth.json"]["shifts_m"] = build(model, options, rng).tolist()
+    for name, content in written.items():
+        (options.out / name).write_text(json.dumps(content, indent=1), encoding="ascii")
     for camera in cameras:
         if not (options.out / camera.name).exists():
             picture(camera, options.out / camera.name, rng)
             print(f"{camera.name} rendered", flush=True)
 
 
-def build(model: BuildingModel, options: argparse.Namespace, rng: np.random.Generator) -> None:
-    """The building as it stands, its clutter and its lamps."""
+def build(model: BuildingModel, options: argparse.Namespace, rng: np.random.Generator) -> Array:
+    """The building as it stands, its clutter and its lamps; how far each element (E, 3) stands off, metres."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
@@ -94,20 +99,23 @@ def build(model: BuildingModel, options: argparse.Namespace, rng: np.random.Gene
     scene.cycles.max_bounces = 2
     scene.view_settings.view_transform = "Standard"
     materials: dict[str, Any] = {}
+    shifts = np.zeros((len(model.elements), 3))
     starts = model.triangle_start
     for row, element in enumerate(model.elements):
         triangles = model.triangles[starts[row] : starts[row + 1]]
         if not len(triangles):
             continue
         used, local = np.unique(triangles, return_inverse=True)
-        off = rng.normal(0, level_sigma(options.loa), 3)
+        off = shifts[row] = rng.normal(0, level_sigma(options.loa), 3)
         mesh = bpy.data.meshes.new(element.global_id)
         mesh.from_pydata((model.vertices[used] + off).tolist(), [], local.reshape(-1, 3).tolist())
-        glass = bool(model.transparent[starts[row]])
-        key = "glass" if glass else f"{element.ifc_class}{element.type_name}"
-        if key not in materials:
-            materials[key] = material(key, rng, glass)
-        mesh.materials.append(materials[key])
+        glass = model.transparent[starts[row] : starts[row + 1]]
+        keys = [f"{element.ifc_class}{element.type_name}", "glass"]
+        for key in keys:
+            if key not in materials:
+                materials[key] = material(key, rng, key == "glass")
+            mesh.materials.append(materials[key])
+        mesh.polygons.foreach_set("material_index", glass.astype(np.int32))
         scene.collection.objects.link(bpy.data.objects.new(element.global_id, mesh))
     people = options.clutter // 4
     for prop in place_props(model, build_scene(model, {}), seed=options.seed, boxes=options.clutter, people=people):
@@ -121,6 +129,7 @@ def build(model: BuildingModel, options: argparse.Namespace, rng: np.random.Gene
     world.use_nodes = True
     world.node_tree.nodes["Background"].inputs[0].default_value = (0.75, 0.85, 1.0, 1.0)
     world.node_tree.nodes["Background"].inputs[1].default_value = 1.0
+    return shifts
 
 
 def material(key: str, rng: np.random.Generator, glass: bool) -> Any:

@@ -6,14 +6,15 @@ from typing import Any
 
 import bpy
 
-from .. import photo_scene
+from .. import bundle_scene, photo_scene
 from ..capability import Capability, Step, StepState
+from ..colors import Legend
 from ..step_parts import main_button, missing, reached
 from ..text import wrapped
 
 
 def _state(scene: bpy.types.Scene) -> StepState:
-    found = scene.get(photo_scene.SUMMARY_KEY, "")
+    found = " ".join(scene[key] for key in (photo_scene.SUMMARY_KEY, bundle_scene.SUMMARY_KEY) if key in scene)
     return reached(
         found, "Optional: put photos on the model and look through their cameras", missing(scene, scans=False)
     )
@@ -21,7 +22,10 @@ def _state(scene: bpy.types.Scene) -> StepState:
 
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     main_button(layout, "coregister", "IMAGE_BACKGROUND")
+    layout.operator("bim_verify.bundle", icon="OUTLINER_OB_POINTCLOUD")
     item = context.object
+    if item is not None and bundle_scene.BUNDLE_KEY in item and item.type == "CAMERA":
+        wrapped(layout.box(), context, f"{item[bundle_scene.BUNDLE_KEY]}: {item['note']}")
     if item is not None and photo_scene.PHOTO_KEY in item and item.type == "CAMERA":
         box = layout.box()
         wrapped(box, context, f"{item[photo_scene.PHOTO_KEY]}: {str(item['bim_verify_state']).lower()}. {item['note']}")
@@ -32,10 +36,12 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def show(scene: bpy.types.Scene, result: Any) -> bool:
-    """Put a co-registration into the scene; False if the result is none."""
-    return photo_scene.show(scene, result)
+    """Put a co-registration or an adjusted bundle into the scene; False if the result is none."""
+    return photo_scene.show(scene, result) or bundle_scene.show(scene, result)
 
 
-CAPABILITY = Capability(
-    "photos", Step("photos", "Photos", _state, _draw, optional=True), legend=photo_scene.legend, show=show
-)
+def _legend(scene: bpy.types.Scene) -> Legend | None:
+    return photo_scene.legend(scene) or bundle_scene.legend(scene)
+
+
+CAPABILITY = Capability("photos", Step("photos", "Photos", _state, _draw, optional=True), legend=_legend, show=show)

@@ -1,6 +1,7 @@
 """One file an operator; ``CLASSES`` is what is registered."""
 
 from .align import BIMVERIFY_OT_align
+from .bundle import BIMVERIFY_OT_bundle
 from .change import BIMVERIFY_OT_change
 from .classify import BIMVERIFY_OT_classify
 from .compare import BIMVERIFY_OT_compare
@@ -46,6 +47,7 @@ CLASSES = (
     BIMVERIFY_OT_remove_reference,
     BIMVERIFY_OT_export_change,
     BIMVERIFY_OT_coregister,
+    BIMVERIFY_OT_bundle,
     BIMVERIFY_OT_look_through,
     BIMVERIFY_OT_select_findings,
     BIMVERIFY_OT_step_finding,

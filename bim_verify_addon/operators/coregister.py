@@ -42,14 +42,15 @@ class BIMVERIFY_OT_coregister(FileJob["CoregistrationResult"], bpy.types.Operato
     def prepare(self, context: bpy.types.Context) -> Work[CoregistrationResult]:
         from ...core.imagery.cameras_file import read_cameras
         from ...core.imagery.coregistration import CoregisterOptions
+        from ...core.imagery.image_names import image_beside
         from ...core.jobs.coregister import coregister
 
         if not self.filepath:
             raise BimVerifyError("No cameras file was given. Choose one; its images must lie beside it.")
         source = Path(bpy.path.abspath(self.filepath))
         cameras = read_cameras(source)
-        wanted = [Path(known.camera.name.replace("\\", "/")).name for known in cameras.cameras]
-        images = [source.parent / name for name in wanted if (source.parent / name).is_file()]
+        beside = [image_beside(source.parent, known.camera.name) for known in cameras.cameras]
+        images = [path for path in beside if path is not None]
         if not images:
             raise BimVerifyError(f"None of the images that {source.name} names lies beside it; put them into its folder.")
         options = CoregisterOptions(loa=int(self.loa), focal=self.focal, threads=context.scene.bim_verify.threads)

@@ -13,7 +13,7 @@ from .table import Argument, Command, Outcome, Values
 
 def _bundle(values: Values, progress: Progress) -> Outcome:
     from ..imagery.bundle_project import adjusted_project, imported_files
-    from ..imagery.bundle_report import summary, write_bundle_report
+    from ..imagery.bundle_report import scaling, summary, write_bundle_report
     from ..jobs.bundle import ModelEdges, bundle
     from ..report.json_out import to_plain, write_document
     from ..report.page_frame import PAGE
@@ -23,7 +23,7 @@ def _bundle(values: Values, progress: Progress) -> Outcome:
     images = values["edges"] or []
     if bool(images) != bool(values["model"]):
         raise BimVerifyError("--model and --edges belong together: give the model and images that show its edges, or neither.")
-    larger_than_zero(values, "position_sigma_m", "rotation_sigma_deg")
+    larger_than_zero(values, "position_sigma_m", "rotation_sigma_deg", "memory_gb")
     inputs = [values["project"], *imported_files(values["project"]), *images, *([values["model"]] if values["model"] else [])]
     outputs = [values["out"], *([values["json"]] if values["json"] else [])]
     check_outputs(inputs, outputs)
@@ -34,14 +34,17 @@ def _bundle(values: Values, progress: Progress) -> Outcome:
         rotation_sigma=math.radians(values["rotation_sigma_deg"]),
     ) if images else None
     found = bundle(
-        values["project"], robust=not values["plain"], threads=values["threads"], edges=edges, progress=progress
+        values["project"], robust=not values["plain"], threads=values["threads"], memory_gb=values["memory_gb"], edges=edges,
+        progress=progress,
     )
     facts = summary(found.problem, found.result)
     lines = [
         f"{facts['images']} images, {facts['points']} tie points, {facts['observations']} observations, "
         f"{facts['control_points']} control points.",
+        *([f"Left out: {len(found.left_out)} points that fewer than two images show."] if len(found.left_out) else []),
         f"Sigma 0 {facts['sigma0']:.3f}, redundancy {facts['redundancy']}, residuals {facts['residual_rms_px']:.2f} px, "
         f"{facts['rejected']} observations taken out.",
+        scaling(found.result),
         f"Tie points: sigma {1000 * facts['point_sigma_median']:.2f} mm (median), "
         f"{1000 * facts['point_sigma_p95']:.2f} mm (95 %).",
         *(f"  {name} on the model: {state}" for name, state in found.placed.items()),
@@ -52,15 +55,15 @@ def _bundle(values: Values, progress: Progress) -> Outcome:
         lines.append(f"Report: {Path(values['report']) / PAGE}")
 
     def write() -> None:
-        write_document(values["out"], adjusted_project(found.problem, found.result, found.method))
+        write_document(values["out"], adjusted_project(found.problem, found.result, found.method, found.left_out))
         if values["report"]:
             write_bundle_report(
-                values["report"], Path(values["project"]).name, found.problem, found.result, found.method
+                values["report"], Path(values["project"]).name, found.problem, found.result, found.method, len(found.left_out)
             )
 
     data = to_plain({
         "summary": facts, "groups": found.result.groups, "timings": found.timings, "placed": found.placed,
-        "method": found.method,
+        "method": found.method, "left_out": found.left_out, "covariance_scale": found.result.covariance_scale,
     })
     return Outcome(lines, data, found, write)
 
@@ -69,7 +72,7 @@ COMMAND = Command(
     "bundle",
     "adjust cameras and tie points, with the covariance of every point",
     (
-        Argument("PROJECT", "JSON file of the project; it may import COLMAP or Metashape", required=True),
+        Argument("PROJECT", "JSON file of the project, a COLMAP folder or a Bundler file (.out)", required=True),
         Argument("--out", "adjusted project to write (JSON)", required=True),
         Argument("--model", "IFC file whose edges tie the block, in the project's frame"),
         Argument("--edges", "images of the project in which the model's edges are looked for", many=True),
@@ -81,6 +84,7 @@ COMMAND = Command(
         Argument("--json", "write what was found to this file"),
         Argument("--quiet", "show no progress", flag=True),
         Argument("--threads", "processor threads to use (0: all)", int, 0),
+        Argument("--memory-gb", "memory for the adjustment, gigabytes; one that takes more is refused", float, 3.0),
     ),
     _bundle,
 )

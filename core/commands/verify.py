@@ -83,7 +83,8 @@ def summary_lines(result: VerificationResult) -> list[str]:
     summary = result.summary()
     counts = ", ".join(f"{summary[status]} {status}" for status in STATUSES)
     lines = [f"{summary['elements']} elements at LOA{result.options.loa}: {counts}."]
-    lines.append(f"{summary['coverage']:.0%} of the exposed surface has evidence from {len(result.stations)} stations.")
+    stations = "photos" if result.photos_only else "stations"
+    lines.append(f"{summary['coverage']:.0%} of the exposed surface has evidence from {len(result.stations)} {stations}.")
     record = result.alignment
     if record.mode != "none":
         lines.append(f"Alignment ({record.mode}): {record.weakest_direction or 'all six directions are fixed'}")

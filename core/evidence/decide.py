@@ -150,6 +150,12 @@ def conclude(
     vector, sigma, length, significant = _test(best.fit, context)
     standing = standing_shares(element.ifc_class, model.transparent[samples.triangle[rows]], t)
     status, reason = _status(plan, best, whole, seen_area, ratio[context.loa], length, bound, standing, context)
+    shape = status == "DEVIATING" and best is plan and (length is None or length <= bound)
+    place_open = context.registration_sigma > bound and status in ("CONFIRMED", "DEVIATING")
+    if not significant and (place_open or (shape and context.registration_sigma > level_sigma(context.loa))):
+        near = np.abs(deviation[measured]) <= bound + 2.0 * context.registration_sigma
+        if area[measured][near].sum() >= t.present_share * max(seen_area, float(area[measured].sum())):
+            status, reason = "PARTIAL", _too_uncertain(length, context)
     if status in ("ABSENT", "NOTOBSERVED"):
         vector = sigma = length = significant = None
     if (status in ("ABSENT", "NOTOBSERVED", "DEVIATING") and best is not plan) or status in ("ABSENT", "NOTOBSERVED"):
@@ -167,6 +173,13 @@ def conclude(
         measurement_sigma=context.sigma, registration_sigma=context.registration_sigma,
         reason=reason, stations=tuple(context.station_names[s] for s in best.stations),
     )
+
+
+def _too_uncertain(length: float | None, context: Context) -> str:
+    """Why a place or a shape cannot be told from an error of the registration."""
+    known = f"the stations' place is known to {1000 * context.registration_sigma:.0f} mm only (one sigma)"
+    where = "What was seen" if length is None else f"It seems to stand {1000 * length:.1f} mm from its planned place; that"
+    return f"{where} cannot be decided at {label(context.loa)}: {known}."
 
 
 GLAZED = ("IfcWindow", "IfcDoor", "IfcCurtainWall", "IfcRoofLight")
@@ -249,7 +262,7 @@ def _status(
         less = f"only {plan.share:.0%} fits" if plan.share < best.share else f"only {plan.at:.2f} m2, not {best.at:.2f} m2, fit"
         return "DEVIATING", f"{place}; {less} the plan. {label(context.loa)} allows {1000 * bound:.0f} mm."
     if whole <= 0:
-        return "NOTOBSERVED", "Other elements touch or enclose its whole surface, so no scanner can see it."
+        return "NOTOBSERVED", "Other elements touch or enclose its whole surface, so nothing can see it."
     if not enough_seen(plan, share, t):
         return "NOTOBSERVED", (
             f"Only {share:.1%} of its exposed surface was in view of a station, of {plan.rays} rays; that is no evidence."

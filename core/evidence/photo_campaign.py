@@ -36,6 +36,11 @@ def shared_sigma(blocks: Sequence[BlockPoints]) -> float:
     return float(np.sqrt(np.mean(np.concatenate([b.shared_sigma**2 for b in blocks])))) if blocks else 0.0
 
 
+def place_sigma(blocks: Sequence[BlockPoints]) -> float:
+    """Of the least certain place of a block that no control and no model fixes, metres; zero where all are fixed."""
+    return max((b.place_sigma for b in blocks), default=0.0)
+
+
 def read_dense(
     paths: Sequence[str | Path], transform: Array, origin: Array, blocks: Sequence[BlockPoints], photo: PhotoCampaign | None,
     preset: str, memory_gb: float,

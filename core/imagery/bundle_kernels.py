@@ -1,7 +1,9 @@
 """Kernels of the bundle adjustment: projection with analytic derivatives, reduced normal equations, covariances.
 
-Observations are sorted by point. Points are taken in a fixed number of chunks whose sums are added in order, so results do
-not depend on the number of threads.
+Observations are sorted by point. Points are taken in a number of chunks that the block's size decides, and their sums are
+added in order, so results do not depend on the number of threads.
+
+``slot`` (C, 14) says where each camera's parameters stand among the free ones; -1 for those that are fixed.
 """
 
 from __future__ import annotations
@@ -14,7 +16,6 @@ POSE = 6
 INSIDE = 8
 """Relative focal length, principal point (2), k1, k2, p1, p2, k3."""
 OWN = POSE + INSIDE
-CHUNKS = 8
 FEW = 1e-12
 
 Floats = NDArray[np.float64]
@@ -108,30 +109,23 @@ def _fill(
             left[k - first] = 0.0
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _slot(column: int, camera: int, inside: int, cameras: int) -> int:
-    """Where a camera's own parameter stands among all cameras' and interiors' parameters."""
-    return camera * POSE + column if column < POSE else cameras * POSE + inside * INSIDE + column - POSE
-
-
 @njit(cache=True, nogil=True, parallel=True)
 def reduced_normals(
     rotations: Floats, positions: Floats, insides: Floats, inside_of: Ints, points: Floats,
     first_of: Ints, camera: Ints, pixel: Floats, weight: Floats, known: Floats, pull: Floats, damping: float,
-    total: int, most: int,
+    slot: Ints, total: int, most: int, chunks: int,
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Schur complement over the points: sums per chunk (CHUNKS, T, T), (CHUNKS, T), and V^-1 (M, 3, 3), V^-1 g (M, 3).
+    """Schur complement over the points: sums per chunk (chunks, T, T), (chunks, T), and V^-1 (M, 3, 3), V^-1 g (M, 3).
 
     ``known`` (M, 3, 3) and ``pull`` (M, 3) are what control says of the points.
     """
     count = len(points)
-    normal, right = np.zeros((CHUNKS, total, total)), np.zeros((CHUNKS, total))
+    normal, right = np.zeros((chunks, total, total)), np.zeros((chunks, total))
     inverse, shift = np.zeros((count, 3, 3)), np.zeros((count, 3))
-    cameras = len(rotations)
-    for chunk in prange(CHUNKS):
+    for chunk in prange(chunks):
         own, to_point, left = np.empty((most, 2, OWN)), np.empty((most, 2, 3)), np.empty((most, 2))
         cross = np.empty((most, OWN, 3))
-        for p in range(count * chunk // CHUNKS, count * (chunk + 1) // CHUNKS):
+        for p in range(count * chunk // chunks, count * (chunk + 1) // chunks):
             first, last = first_of[p], first_of[p + 1]
             size = last - first
             _fill(first, last, rotations, positions, insides, inside_of, points[p], camera, pixel, weight, own, to_point, left)
@@ -152,40 +146,46 @@ def reduced_normals(
                 block = own[k].T @ own[k]
                 side = own[k].T @ left[k] - cross[k] @ moved
                 for i in range(OWN):
-                    a = _slot(i, c, inside_of[c], cameras)
+                    a = slot[c, i]
+                    if a < 0:
+                        continue
                     right[chunk, a] += side[i]
                     for j in range(OWN):
-                        normal[chunk, a, _slot(j, c, inside_of[c], cameras)] += block[i, j]
+                        if slot[c, j] >= 0:
+                            normal[chunk, a, slot[c, j]] += block[i, j]
                 half = cross[k] @ inv
                 for m in range(size):
                     d = camera[first + m]
                     block = half @ cross[m].T
                     for i in range(OWN):
-                        a = _slot(i, c, inside_of[c], cameras)
+                        a = slot[c, i]
+                        if a < 0:
+                            continue
                         for j in range(OWN):
-                            normal[chunk, a, _slot(j, d, inside_of[d], cameras)] -= block[i, j]
+                            if slot[d, j] >= 0:
+                                normal[chunk, a, slot[d, j]] -= block[i, j]
     return normal, right, inverse, shift
 
 
 @njit(cache=True, nogil=True, parallel=True)
 def back_substitute(
     rotations: Floats, positions: Floats, insides: Floats, inside_of: Ints, points: Floats,
-    first_of: Ints, camera: Ints, pixel: Floats, weight: Floats, inverse: Floats, shift: Floats, step: Floats, most: int,
+    first_of: Ints, camera: Ints, pixel: Floats, weight: Floats, inverse: Floats, shift: Floats, step: Floats,
+    slot: Ints, most: int, chunks: int,
 ) -> Floats:
     """How far each point moves (M, 3) when the cameras' parameters move by ``step`` (T,)."""
     out = np.empty_like(points)
-    cameras = len(rotations)
-    for chunk in prange(CHUNKS):
+    for chunk in prange(chunks):
         own, to_point, left = np.empty((most, 2, OWN)), np.empty((most, 2, 3)), np.empty((most, 2))
         local = np.empty(OWN)
-        for p in range(len(points) * chunk // CHUNKS, len(points) * (chunk + 1) // CHUNKS):
+        for p in range(len(points) * chunk // chunks, len(points) * (chunk + 1) // chunks):
             first, last = first_of[p], first_of[p + 1]
             _fill(first, last, rotations, positions, insides, inside_of, points[p], camera, pixel, weight, own, to_point, left)
             g = np.zeros(3)
             for k in range(last - first):
                 c = camera[first + k]
                 for i in range(OWN):
-                    local[i] = step[_slot(i, c, inside_of[c], cameras)]
+                    local[i] = step[slot[c, i]] if slot[c, i] >= 0 else 0.0
                 g += to_point[k].T @ (own[k] @ local)
             out[p] = shift[p] - inverse[p] @ g
     return out
@@ -194,7 +194,8 @@ def back_substitute(
 @njit(cache=True, nogil=True, parallel=True)
 def point_covariances(
     rotations: Floats, positions: Floats, insides: Floats, inside_of: Ints, points: Floats,
-    first_of: Ints, camera: Ints, pixel: Floats, weight: Floats, inverse: Floats, covariance: Floats, most: int,
+    first_of: Ints, camera: Ints, pixel: Floats, weight: Floats, inverse: Floats, covariance: Floats,
+    slot: Ints, most: int, chunks: int,
 ) -> tuple[Floats, Floats]:
     """Covariance of every point (M, 3, 3), and of every observation what the estimate takes of its variance (N, 2).
 
@@ -202,10 +203,9 @@ def point_covariances(
     """
     count = len(points)
     out, taken = np.empty((count, 3, 3)), np.zeros((len(camera), 2))
-    cameras = len(rotations)
-    for chunk in prange(CHUNKS):
+    for chunk in prange(chunks):
         own, to_point, left = np.empty((most, 2, OWN)), np.empty((most, 2, 3)), np.empty((most, 2))
-        for p in range(count * chunk // CHUNKS, count * (chunk + 1) // CHUNKS):
+        for p in range(count * chunk // chunks, count * (chunk + 1) // chunks):
             first, last = first_of[p], first_of[p + 1]
             size = last - first
             _fill(first, last, rotations, positions, insides, inside_of, points[p], camera, pixel, weight, own, to_point, left)
@@ -217,15 +217,16 @@ def point_covariances(
                 for m in range(size):
                     d = camera[first + m]
                     for i in range(OWN):
-                        a = _slot(i, c, inside_of[c], cameras)
+                        a = slot[c, i]
                         for j in range(OWN):
-                            sigma[k * OWN + i, m * OWN + j] = covariance[a, _slot(j, d, inside_of[d], cameras)]
+                            b = slot[d, j]
+                            sigma[k * OWN + i, m * OWN + j] = covariance[a, b] if a >= 0 and b >= 0 else 0.0
             with_point = -(sigma @ cross) @ inverse[p]
             out[p] = inverse[p] - inverse[p] @ (cross.T @ with_point)
             for k in range(size):
                 rows = slice(k * OWN, (k + 1) * OWN)
                 for i in range(2):
-                    a, b = own[k, i], to_point[k, i]
-                    variance = a @ (sigma[rows, rows].copy() @ a) + 2.0 * (a @ (with_point[rows].copy() @ b)) + b @ (out[p] @ b)
+                    u, w = own[k, i], to_point[k, i]
+                    variance = u @ (sigma[rows, rows].copy() @ u) + 2.0 * (u @ (with_point[rows].copy() @ w)) + w @ (out[p] @ w)
                     taken[first + k, i] = variance
     return out, taken

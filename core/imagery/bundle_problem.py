@@ -68,7 +68,11 @@ class BundleProblem:
                 raise BimVerifyError(f"An observation names {name} {int(index.max())}, but there are {size}.")
         if unknown := set(self.free) - set(INSIDE_NAMES):
             raise BimVerifyError(f"{', '.join(sorted(unknown))} cannot be calibrated; choose from {', '.join(INSIDE_NAMES)}.")
-        if not all(np.isfinite(a).all() for a in (self.points, o.pixel, self.control.coordinates)):
-            raise BimVerifyError("The project holds numbers that are not finite; take those points out.")
+        poses = [*(k.rotation for k in self.cameras), *(k.position for k in self.cameras)]
+        if not all(np.isfinite(a).all() for a in (self.points, o.pixel, self.control.coordinates, *poses)):
+            raise BimVerifyError("The project holds numbers that are not finite; take those points or cameras out.")
         if not ((o.sigma > 0).all() and (self.control.sigma > 0).all()):
             raise BimVerifyError("Every observation needs a standard deviation larger than zero.")
+        index, times = np.unique(self.control.point, return_counts=True)
+        if (times > 1).any():
+            raise BimVerifyError(f"The control points name point {index[times > 1][0]} twice; give each point once.")

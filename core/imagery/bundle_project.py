@@ -11,6 +11,7 @@
      "control": [{"point": 0, "coordinates": [x, y, z], "sigma_m": 0.002}],
      "free": ["f", "cx", "cy", "k1", "k2"]}
 
+A folder of COLMAP or a Bundler file can stand in the place of the JSON file.
 ``{"import": "sparse/0", "control": [...]}`` takes cameras, points and observations from a folder of COLMAP (text or binary)
 instead, ``{"import": "bundle.out", "image_size": [4000, 3000]}`` from a Bundler file (Metashape and others export it), and
 ``{"import": "cameras.xml", "points": ..., "observations": ...}`` the cameras from a Metashape XML file.
@@ -52,8 +53,16 @@ Ints = NDArray[np.int64]
 
 
 def read_project(path: str | Path) -> BundleProblem:
-    """Read a project file and what it imports. Raises BimVerifyError."""
-    return problem_of(read_json_object(Path(path), "a bundle project", LARGEST_FILE), Path(path))
+    """Read a project file and what it imports, a COLMAP folder or a Bundler file. Raises BimVerifyError."""
+    return problem_of(project_content(path), Path(path))
+
+
+def project_content(path: str | Path) -> dict[str, Any]:
+    """What a project file says; of a COLMAP folder or a Bundler file, that it is to be imported. Raises BimVerifyError."""
+    source = Path(path)
+    if source.is_dir() or source.suffix.lower() == ".out":
+        return {"import": str(source.resolve())}
+    return read_json_object(source, "a bundle project", LARGEST_FILE)
 
 
 def problem_of(content: dict[str, Any], source: Path) -> BundleProblem:
@@ -61,7 +70,7 @@ def problem_of(content: dict[str, Any], source: Path) -> BundleProblem:
     sigma = positive(content, "sigma_px", source.name, SIGMA_PX)
     place = _import_path(content, source)
     if place is None:
-        problem = _own(content, read_camera_entries(content, source), source, sigma)
+        problem = _own(content, tuple(known.camera for known in read_camera_entries(content, source)), source, sigma)
     elif place.is_dir():
         problem = read_colmap(place, sigma)
     elif place.suffix.lower() == ".xml":
@@ -89,7 +98,7 @@ def imported_files(path: str | Path) -> list[str]:
 
     Raises BimVerifyError where the project cannot be read.
     """
-    place = _import_path(read_json_object(Path(path), "a bundle project", LARGEST_FILE), Path(path))
+    place = _import_path(project_content(path), Path(path))
     if place is None or not place.exists():
         return []
     inside = sorted(place.iterdir()) if place.is_dir() else [place, *sorted(place.parent.glob("*.txt"))]
@@ -144,6 +153,8 @@ def _control(content: dict[str, Any], source: Path, points: int) -> Control:
         sigma = numbers(entry.get("sigma_m"), (3,))
         if sigma is None:
             sigma = np.full(3, positive(entry, "sigma_m", where, CONTROL_SIGMA_M))
+        if row in index:
+            raise BimVerifyError(f"{where} names point {row}, which is a control point already; give each point once.")
         index.append(row)
         coordinates.append(place)
         sigmas.append(sigma)
@@ -152,8 +163,13 @@ def _control(content: dict[str, Any], source: Path, points: int) -> Control:
     )
 
 
-def adjusted_project(problem: BundleProblem, result: BundleResult, method: str) -> dict[str, Any]:
-    """The adjusted project: a project file again, with covariances beside."""
+def adjusted_project(
+    problem: BundleProblem, result: BundleResult, method: str, left_out: Ints | None = None
+) -> dict[str, Any]:
+    """The adjusted project: a project file again, with covariances beside.
+
+    ``left_out`` are rows of points of the project as it was given that are not in ``problem``.
+    """
     names = [f"interior_{k}" for k in range(len(result.interiors))]
     cameras = []
     for k, camera in enumerate(result.cameras):
@@ -183,9 +199,14 @@ def adjusted_project(problem: BundleProblem, result: BundleResult, method: str) 
         ],
         "free": problem.free,
         "variance_factor": result.variance_factor,
+        "covariance_scale": result.covariance_scale,
+        "points_left_out": [] if left_out is None else left_out,
         "redundancy": result.redundancy,
         "groups": [
-            {"name": g.name, "observations": g.observations, "redundancy": g.redundancy, "variance_component": g.factor}
+            {
+                "name": g.name, "observations": g.observations, "redundancy": g.redundancy, "variance_component": g.factor,
+                "sigma_multiplied_by": g.stretch,
+            }
             for g in result.groups
         ],
         "rounds": result.rounds,

@@ -28,12 +28,21 @@ def summary(problem: BundleProblem, result: BundleResult) -> dict[str, float | i
     }
 
 
+def scaling(result: BundleResult) -> str:
+    """One sentence: what the sigmas of the result count."""
+    worse = [f"{g.name} {g.stretch:.2f} times" for g in result.groups if g.stretch > 1.0]
+    first = f"Sigmas count {' and '.join(worse)} the stated ones" if worse else "Sigmas follow from the stated ones"
+    return f"{first}, times {math.sqrt(result.covariance_scale):.3f} (sigma 0 that is left, where above 1)."
+
+
 def point_sigma(result: BundleResult) -> np.ndarray:
     """(M,) mean standard deviation per axis, sqrt(trace / 3), metres."""
     return np.sqrt(np.einsum("pii->p", result.point_covariance) / 3.0)
 
 
-def write_bundle_report(folder: str | Path, name: str, problem: BundleProblem, result: BundleResult, method: str) -> Path:
+def write_bundle_report(
+    folder: str | Path, name: str, problem: BundleProblem, result: BundleResult, method: str, left_out: int = 0
+) -> Path:
     """Write ``index.html`` into ``folder`` (made if missing) and return its path; BimVerifyError where that fails."""
     facts = summary(problem, result)
     groups = Section(
@@ -81,7 +90,8 @@ def write_bundle_report(folder: str | Path, name: str, problem: BundleProblem, r
     )
     meta = [
         ("Redundancy", str(facts["redundancy"])), ("Residual", f"{facts['residual_rms_px']:.2f} px"),
-        ("Taken out", f"{facts['rejected']} observations"), ("Method", method),
+        ("Taken out", f"{facts['rejected']} observations"), ("Left out", f"{left_out} points that fewer than two images show"),
+        ("Sigmas", scaling(result)), ("Method", method),
     ]
     return write_page(folder, f"Bundle adjustment of {name}", "Bundle adjustment", headline, meta, [
         section for section in (groups, inside, control, images) if section.rows

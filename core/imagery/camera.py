@@ -62,6 +62,12 @@ class Interior:
                 break
         return ideal
 
+    def scaled(self, scale: float) -> Interior:
+        """The interior with ``scale`` times the focal length that bends each ideal pixel into the same pixel as before."""
+        k1, k2, p1, p2, k3 = self.distortion
+        bent = (k1 * scale**2, k2 * scale**4, p1 * scale, p2 * scale, k3 * scale**6)
+        return replace(self, fx=self.fx * scale, fy=self.fy * scale, distortion=bent)
+
     @property
     def ideal_frame(self) -> Vector:
         """(2, 2) least and largest ideal pixel that the image shows: a barrel lens shows more than ``width`` by ``height``."""

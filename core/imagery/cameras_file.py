@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from ..errors import BimVerifyError
 from ..json_in import read_json_object
 from .camera import Camera, Interior, from_omega_phi_kappa, rotation_vector
+from .image_names import matching
 
 FORMAT, FORMAT_VERSION = "bim_verify.cameras", 1
 LARGEST_FILE = 256 * 2**20
@@ -21,6 +23,8 @@ FARTHEST_COORDINATE_M = 1e8
 POSITION_SIGMA_M = 0.15
 ROTATION_SIGMA_RAD = math.radians(1.0)
 """Of a coarse pose whose file does not say it."""
+LEAST_SIGMA, LARGEST_SIGMA = 1e-6, 1e4
+"""Of a pose, metres or degrees."""
 DISTORTION = ("k1", "k2", "p1", "p2", "k3")
 Vector = NDArray[np.float64]
 
@@ -42,44 +46,52 @@ class CameraList:
     frame: str = "model"
 
     def of_image(self, path: str | Path) -> KnownCamera:
-        """The camera of an image file, by the file's name with or without its suffix; BimVerifyError if there is none."""
-        name = Path(path).name
-        for wanted in (name, Path(name).stem):
-            found = [k for k in self.cameras if _base(k.camera.name) == wanted or _stem(k.camera.name) == wanted]
-            if len(found) == 1:
-                return found[0]
-            if found:
-                raise BimVerifyError(f"The cameras file names {name} {len(found)} times; give every image one camera.")
-        raise BimVerifyError(f"The cameras file has no camera for the image {name}; its entries are found by the image's name.")
+        """The camera of an image file, see ``camera_of``."""
+        return self.cameras[camera_of(path, [k.camera.name for k in self.cameras])]
 
 
-def read_cameras(path: str | Path) -> CameraList:
-    """Read a cameras file (docs/photos.md describes it), or a Metashape XML export. Raises BimVerifyError."""
+def camera_of(path: str | Path, names: Sequence[str]) -> int:
+    """Row of the camera of an image file among their ``names`` (see ``image_names``). BimVerifyError unless it is just one."""
+    found = matching(path, names)
+    if len(found) > 1:
+        raise BimVerifyError(f"{len(found)} cameras are called as the image {Path(path).name}; give every image one camera.")
+    if not found:
+        raise BimVerifyError(f"There is no camera for the image {Path(path).name}; cameras are named like {names[0]}.")
+    return found[0]
+
+
+def read_cameras(path: str | Path, position_sigma: float | None = None, rotation_sigma: float | None = None) -> CameraList:
+    """Read a cameras file (docs/photos.md describes it), or a Metashape XML export. Raises BimVerifyError.
+
+    The sigmas [m], [rad] per axis count for cameras whose file does not say them.
+    """
+    position = POSITION_SIGMA_M if position_sigma is None else position_sigma
+    rotation = ROTATION_SIGMA_RAD if rotation_sigma is None else rotation_sigma
     source = Path(path)
     if source.suffix.lower() == ".xml":
         from .metashape import read_metashape_cameras
 
-        return CameraList(tuple(KnownCamera(camera) for camera in read_metashape_cameras(source)))
+        return CameraList(tuple(KnownCamera(camera, position, rotation) for camera in read_metashape_cameras(source)))
     content = read_json_object(source, "a cameras file", LARGEST_FILE)
     frame = content.get("frame", "model")
     if frame not in ("model", "map"):
         raise BimVerifyError(f"{source} gives the frame {str(frame)[:40]!r}; it must be model or map.")
-    return CameraList(_entries(content, source), frame)
+    return CameraList(_entries(content, source, position, rotation), frame)
 
 
-def read_camera_entries(content: dict[str, Any], source: Path) -> tuple[Camera, ...]:
+def read_camera_entries(content: dict[str, Any], source: Path) -> tuple[KnownCamera, ...]:
     """The cameras of a JSON object that has them as a cameras file has."""
-    return tuple(known.camera for known in _entries(content, source))
+    return _entries(content, source, POSITION_SIGMA_M, ROTATION_SIGMA_RAD)
 
 
-def _entries(content: dict[str, Any], source: Path) -> tuple[KnownCamera, ...]:
+def _entries(content: dict[str, Any], source: Path, position: float, rotation: float) -> tuple[KnownCamera, ...]:
     entries = content.get("cameras") or content.get("images")
     if not isinstance(entries, list) or not entries:
         raise BimVerifyError(f'{source} holds no list of cameras; write {{"cameras": [{{"image": "a.jpg", ...}}]}}.')
     shared = content.get("interiors", {})
     if not isinstance(shared, dict):
         raise BimVerifyError(f"{source}: interiors must be an object of named interior orientations.")
-    return tuple(_known(entry, index, content, shared, source) for index, entry in enumerate(entries))
+    return tuple(_known(entry, index, content, shared, source, position, rotation) for index, entry in enumerate(entries))
 
 
 def camera_to_plain(camera: Camera) -> dict[str, Any]:
@@ -108,7 +120,8 @@ def read_interior(value: Any, where: str) -> Interior:
     if not (1 <= width <= LARGEST_SIDE_PX and 1 <= height <= LARGEST_SIDE_PX and width % 1 == 0 and height % 1 == 0):
         raise BimVerifyError(f"{where}: width and height must be whole pixels, 1 to {LARGEST_SIDE_PX}.")
     if "f_mm" in value:
-        f = number(value, "f_mm", where) / number(value, "sensor_width_mm", where) * width
+        number(value, "sensor_width_mm", where)
+        f = number(value, "f_mm", where) / positive(value, "sensor_width_mm", where, 1.0) * width
     else:
         f = number(value, "f" if "f" in value else "fx", where)
     fy = number(value, "fy", where) if "fy" in value else f
@@ -132,7 +145,9 @@ def check_lens(interior: Interior, where: str) -> None:
         raise BimVerifyError(f"{where}: the lens distortion cannot be inverted within the image; check its coefficients.")
 
 
-def _known(entry: Any, index: int, content: dict[str, Any], shared: dict[str, Any], source: Path) -> KnownCamera:
+def _known(
+    entry: Any, index: int, content: dict[str, Any], shared: dict[str, Any], source: Path, position: float, rotation: float
+) -> KnownCamera:
     where = f"Camera {index + 1} of {source.name}"
     if not isinstance(entry, dict):
         raise BimVerifyError(f"{where} is not an object with an image, an interior and a pose.")
@@ -148,8 +163,11 @@ def _known(entry: Any, index: int, content: dict[str, Any], shared: dict[str, An
     camera = Camera(name, read_interior(inside, where), _rotation(entry, where), _position(entry, where))
     sigma = {
         key: positive(entry if key in entry else content, key, where, default)
-        for key, default in (("position_sigma_m", POSITION_SIGMA_M), ("rotation_sigma_deg", math.degrees(ROTATION_SIGMA_RAD)))
+        for key, default in (("position_sigma_m", position), ("rotation_sigma_deg", math.degrees(rotation)))
     }
+    for key, value in sigma.items():
+        if not LEAST_SIGMA <= value <= LARGEST_SIGMA:
+            raise BimVerifyError(f"{where}: {key} must lie between {LEAST_SIGMA:g} and {LARGEST_SIGMA:g}, not {value:g}.")
     return KnownCamera(camera, sigma["position_sigma_m"], math.radians(sigma["rotation_sigma_deg"]))
 
 
@@ -225,11 +243,3 @@ def shifted(known: KnownCamera, origin: Vector) -> KnownCamera:
 def turned(camera: Camera, like: Camera) -> float:
     """Angle [rad] between two cameras' directions, all axes."""
     return float(np.linalg.norm(rotation_vector(camera.rotation @ like.rotation.T)))
-
-
-def _base(name: str) -> str:
-    return name.replace("\\", "/").rsplit("/", 1)[-1]
-
-
-def _stem(name: str) -> str:
-    return Path(_base(name)).stem

@@ -17,6 +17,7 @@ from .detect_lines import Detector
 from .line_pose import pose_difference
 from .register_image import AMBIGUOUS, MOST_BY_CHANCE, ImageRegistration
 
+PLACED = ("REFINED", "PARTLY")
 State = Literal["REFINED", "PARTLY", "AMBIGUOUS", "FAILED"]
 MEANINGS: dict[str, str] = {
     "REFINED": "the lines fix all six parameters of the pose",
@@ -52,10 +53,15 @@ class CoregistrationResult:
     timings: dict[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
+    @property
+    def placed(self) -> int:
+        """Number of images that have a pose to go on with."""
+        return sum(is_placed(found) for found in self.registrations)
+
     def camera(self, index: int) -> Camera:
         """The camera to go on with, local frame: refined where that is sure, else the coarse one."""
         found = self.registrations[index]
-        return found.camera if state_of(found) in ("REFINED", "PARTLY") else found.coarse.camera
+        return found.camera if is_placed(found) else found.coarse.camera
 
 
 def state_of(found: ImageRegistration) -> State:
@@ -65,6 +71,11 @@ def state_of(found: ImageRegistration) -> State:
     if found.runner_up > AMBIGUOUS or found.chance > MOST_BY_CHANCE:
         return "AMBIGUOUS"
     return "PARTLY" if found.weak else "REFINED"
+
+
+def is_placed(found: ImageRegistration) -> bool:
+    """Whether an image has a pose to go on with; that of another one is refused, and its figures mean nothing."""
+    return state_of(found) in PLACED
 
 
 def sigmas(covariance: NDArray[np.float64]) -> tuple[float, float]:
@@ -83,7 +94,7 @@ def refined_cameras(result: CoregistrationResult) -> dict[str, Any]:
         state = state_of(found)
         entry = camera_to_plain(replace(camera, position=camera.position + result.model.origin))
         rotation, position = found.coarse.rotation_sigma, found.coarse.position_sigma
-        covariance = found.covariance if state in ("REFINED", "PARTLY") else None
+        covariance = found.covariance if state in PLACED else None
         if covariance is not None:
             rotation, position = sigmas(covariance)
         entry |= {
@@ -121,7 +132,7 @@ def findings(result: CoregistrationResult) -> dict[str, Any]:
     document["warnings"] = list(result.warnings)
     document["elements"] = [e.global_id for e in result.model.elements]
     for entry, found in zip(document["cameras"], result.registrations, strict=True):
-        entry["shift"] = to_plain(pose_difference(found.camera, found.coarse.camera))
+        entry["shift"] = to_plain(pose_difference(found.camera, found.coarse.camera)) if is_placed(found) else None
         entry["lines"] = [
             {
                 "element": m.element, "edge": to_plain(m.edge + result.model.origin), "line": to_plain(m.line),

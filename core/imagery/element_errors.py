@@ -73,8 +73,7 @@ def _moved(camera: Camera, step: Vector) -> Camera:
     moved = camera.moved(step[:3], step[3:6])
     if len(step) == 6:
         return moved
-    lens, scale = moved.interior, 1.0 + float(step[6])
-    return replace(moved, interior=replace(lens, fx=lens.fx * scale, fy=lens.fy * scale))
+    return replace(moved, interior=moved.interior.scaled(1.0 + float(step[6])))
 
 
 def _contradictions(

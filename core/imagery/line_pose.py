@@ -38,6 +38,11 @@ class PoseEstimate:
     focal_sigma: float | None = None
     if_right: Vector | None = None
 
+    @property
+    def scaled_covariance(self) -> Vector:
+        """(6, 6) ``covariance``, scaled up where the fit is worse than stated."""
+        return np.asarray(self.covariance * max(self.variance_factor, 1.0))
+
 
 @dataclass(frozen=True)
 class PosePrior:
@@ -81,9 +86,7 @@ def estimate_calibrated(
         camera = _camera(state).moved(change[:3], change[3:6])
         if not focal:
             return camera
-        scale = 1.0 + float(change[6])
-        inside = camera.interior
-        return replace(camera, interior=replace(inside, fx=inside.fx * scale, fy=inside.fy * scale))
+        return replace(camera, interior=camera.interior.scaled(1.0 + float(change[6])))
 
     def known(state: object) -> tuple[Vector, Vector]:
         assert prior is not None

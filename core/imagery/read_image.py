@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
 
+T = TypeVar("T")
 MOST_PIXELS = 250_000_000
 
 
@@ -22,11 +24,20 @@ def eight_bits(image: Any) -> Any:
     return Image.fromarray((np.asarray(image).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8))
 
 
+def check_image(path: str | Path, size: tuple[int, int]) -> None:
+    """Raise BimVerifyError where a file is no image of the ``size`` (width, height); its pixels are not read."""
+    _opened(path, size, lambda _: None)
+
+
 def read_grey(path: str | Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
     """(H, W) of a JPEG, PNG or TIFF file; not turned as its EXIF entry asks, since cameras are calibrated unturned.
 
     ``size`` (width, height) is what it must have. Raises BimVerifyError.
     """
+    return _opened(path, size, lambda image: np.asarray(eight_bits(image).convert("L"), dtype=np.uint8))
+
+
+def _opened(path: str | Path, size: tuple[int, int] | None, use: Callable[[Any], T]) -> T:
     from PIL import Image
 
     source = Path(path)
@@ -39,7 +50,7 @@ def read_grey(path: str | Path, size: tuple[int, int] | None = None) -> NDArray[
                     f"{source} has {image.width} x {image.height} pixels, its interior orientation is for "
                     f"{size[0]} x {size[1]}; give the image as it was taken, or scale the interior orientation."
                 )
-            return np.asarray(eight_bits(image).convert("L"), dtype=np.uint8)
+            return use(image)
     except OSError as error:
         reason = error.strerror or "unknown format"
         raise BimVerifyError(f"Cannot read {source} as an image: {reason}. Check the file.") from error

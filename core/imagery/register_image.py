@@ -109,9 +109,7 @@ class ImageRegistration:
     @property
     def covariance(self) -> Vector | None:
         """(6, 6) rotation in the camera frame [rad] and position [m]; scaled up where the fit is worse than stated."""
-        if self.estimate is None:
-            return None
-        return np.asarray(self.estimate.covariance * max(self.estimate.variance_factor, 1.0))
+        return None if self.estimate is None else self.estimate.scaled_covariance
 
 
 def register_image(
@@ -146,13 +144,14 @@ def register_image(
     few = used < LEAST_SURE - len(weak)
     runner_up = _rival(viewer, lines, settled, others, coarse, model_sigma, focal)
     chance = 1.0 if few else _by_chance(after, lines, estimate, coarse, model_sigma, seed)
+    share = f"lines account for {explained:.0%} of the edges that should show"
     note = ""
     if few:
-        note = f"Only {used} lines lie on edges, which may be by chance; check the overlay."
+        note = f"Only {used} lines lie on edges, which may be by chance ({share}); check the overlay."
     elif runner_up > AMBIGUOUS:
-        note = "Another pose explains the lines nearly as well; check the overlay."
+        note = f"Another pose explains the lines nearly as well ({share}); check the overlay and the coarse pose."
     elif chance > MOST_BY_CHANCE:
-        note = "A pose by chance explains the lines nearly as well; a sharper image or a better coarse pose may help."
+        note = f"A pose by chance explains the lines nearly as well ({share}); check the coarse pose, or give a sharper image."
     return ImageRegistration(coarse, estimate, matches, lines, before, after, explained, runner_up, chance, weak, note)
 
 

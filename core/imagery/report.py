@@ -8,17 +8,19 @@ from pathlib import Path
 import numpy as np
 
 from ..report.plain_page import Section, millimetres, percent, write_page
-from .coregistration import MEANINGS, CoregistrationResult, sigmas, state_of
+from .coregistration import MEANINGS, CoregistrationResult, is_placed, sigmas, state_of
 from .line_pose import pose_difference
 from .overlay import overlay_pair
 
 MOST_OVERLAYS = 12
 COLUMNS = (
-    "Image", "State", "Moved cm", "Turned deg", "Sigma mm", "Sigma deg", "Lines", "Used", "Sigma 0", "Explained", "Next best",
+    "Image", "State", "Explained", "Next best", "Chance", "Used", "Lines", "Moved cm", "Turned deg", "Sigma mm", "Sigma deg",
+    "Sigma 0",
 )
 COLUMN_NOTE = (
     "Explained: share of the visible edges' length that has a line. Next best: what the best different pose explains, as a "
-    "share of that."
+    "share of that; above 93 % is ambiguous. Chance: the same of poses drawn by chance; above 80 % is ambiguous. An image that "
+    "is not placed has no further figures."
 )
 
 
@@ -26,7 +28,6 @@ def write_coregistration_report(folder: str | Path, result: CoregistrationResult
     """Write ``index.html`` into ``folder`` (made if missing) and return its path; BimVerifyError where that fails."""
     rows = [_row(result, index) for index in range(len(result.images))]
     states = [state_of(found) for found in result.registrations]
-    placed = sum(state in ("REFINED", "PARTLY") for state in states)
     sections = [Section(
         "Images", " ".join([*(f"{name}: {text}." for name, text in MEANINGS.items() if name in states), COLUMN_NOTE]),
         columns=COLUMNS, rows=rows, numeric=frozenset(range(2, len(COLUMNS))),
@@ -51,7 +52,7 @@ def write_coregistration_report(folder: str | Path, result: CoregistrationResult
     ]
     return write_page(
         folder, f"Photos on {result.model.project_name or Path(result.model.path).name}", "Image to BIM",
-        f"{placed} of {len(states)} images are placed on the model.", meta, sections,
+        f"{result.placed} of {len(states)} images are placed on the model.", meta, sections,
     )
 
 
@@ -60,11 +61,14 @@ def _row(result: CoregistrationResult, index: int) -> tuple[str, ...]:
     name, state = Path(result.images[index]).name, state_of(found)
     if found.estimate is None or found.covariance is None:
         return (name, state, *("–" for _ in COLUMNS[2:]))
+    used = str(sum(m.kept for m in found.matches))
+    judged = (percent(found.explained), percent(found.runner_up), percent(found.chance))
+    if not is_placed(found):
+        return (name, state, *judged, used, *("–" for _ in COLUMNS[6:]))
     away = pose_difference(found.camera, found.coarse.camera)
     rotation, position = sigmas(found.covariance)
     return (
-        name, state, f"{100 * np.linalg.norm(away[3:]):.1f}", f"{math.degrees(float(np.linalg.norm(away[:3]))):.2f}",
-        millimetres(position), f"{math.degrees(rotation):.3f}", str(len(found.matches)),
-        str(sum(m.kept for m in found.matches)), f"{math.sqrt(found.estimate.variance_factor):.2f}",
-        percent(found.explained), percent(found.runner_up),
+        name, state, *judged, used, str(len(found.matches)), f"{100 * np.linalg.norm(away[3:]):.1f}",
+        f"{math.degrees(float(np.linalg.norm(away[:3]))):.2f}", millimetres(position), f"{math.degrees(rotation):.3f}",
+        f"{math.sqrt(found.estimate.variance_factor):.2f}",
     )

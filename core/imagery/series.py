@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -15,8 +16,8 @@ from ..errors import BimVerifyError
 from ..progress import Progress
 from .bundle import BundleResult, Term, adjust_bundle
 from .bundle_problem import BundleProblem
-from .cameras_file import KnownCamera
-from .coregistration import state_of
+from .cameras_file import KnownCamera, camera_of
+from .coregistration import is_placed
 from .detect_lines import ImageLines
 from .edge_bearers import together
 from .free_net import FreeNet
@@ -26,7 +27,6 @@ from .uncertain_lines import LineMatches
 from .visible_edges import EdgeViewer
 
 ROUNDS = 3
-PLACED = ("REFINED", "PARTLY")
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,8 @@ class SeriesResult:
 
 def adjust_series(
     problem: BundleProblem, lines: Mapping[int, ImageLines], viewer: EdgeViewer, origin: np.ndarray, *, model_sigma: float,
-    position_sigma: float, rotation_sigma: float, seed: int = 0, robust: bool = True, progress: Progress | None = None,
+    position_sigma: float, rotation_sigma: float, seed: int = 0, robust: bool = True, memory_gb: float = 3.0,
+    progress: Progress | None = None,
 ) -> SeriesResult:
     """Adjust a block whose cameras ``lines`` (by number) show edges of the model in ``viewer``.
 
@@ -49,13 +50,15 @@ def adjust_series(
     progress = progress or Progress()
     start = problem
     if not len(problem.control.point):
-        first = adjust_bundle(problem, terms=(FreeNet(problem.cameras),), robust=robust, progress=progress.part(0.0, 0.2))
+        first = adjust_bundle(
+            problem, terms=(FreeNet(problem.cameras),), robust=robust, memory_gb=memory_gb, progress=progress.part(0.0, 0.2)
+        )
         start = replace(problem, cameras=first.cameras, points=first.points)
     found: dict[int, ImageRegistration] = {}
     current: BundleResult | None = None
     cameras = start.cameras
     for number in range(ROUNDS):
-        waiting = [k for k in lines if k not in found or state_of(found[k]) not in PLACED]
+        waiting = [k for k in lines if k not in found or not is_placed(found[k])]
         if not waiting:
             break
         part = progress.part(0.2 + 0.25 * number, 0.2 + 0.25 * (number + 1))
@@ -66,7 +69,7 @@ def adjust_series(
                 sigmas = _sigmas(current.pose_covariance[k], *sigmas)
             coarse = KnownCamera(replace(cameras[k], position=cameras[k].position - origin), sigmas[1], sigmas[0])
             found[k] = register_image(viewer, lines[k], coarse, model_sigma=model_sigma, seed=seed)
-        placed = [k for k in sorted(found) if state_of(found[k]) in PLACED]
+        placed = [k for k in sorted(found) if is_placed(found[k])]
         if not placed:
             break
         at = [replace(found[k].camera, position=found[k].camera.position + origin) for k in placed]
@@ -74,7 +77,9 @@ def adjust_series(
         terms: list[Term] = [term]
         if not len(problem.control.point):
             terms.append(PosePriors(problem.cameras, list(lines), position_sigma, rotation_sigma))
-        current = adjust_bundle(replace(start, cameras=cameras), terms=terms, robust=robust, progress=part.part(0.5, 1.0))
+        current = adjust_bundle(
+            replace(start, cameras=cameras), terms=terms, robust=robust, memory_gb=memory_gb, progress=part.part(0.5, 1.0)
+        )
         cameras = current.cameras
     if current is None:
         notes = next(iter(found.values())).note if found else "none was given"
@@ -102,12 +107,10 @@ def _edges(camera: int, found: ImageRegistration, origin: np.ndarray) -> ImageEd
     )
 
 
-def names_of(problem: BundleProblem, images: Sequence[str]) -> list[int]:
-    """Numbers of the cameras of images, by their names. Raises BimVerifyError for one that is not in the block."""
-    known = {c.name: k for k, c in enumerate(problem.cameras)}
-    missing = [name for name in images if name not in known]
-    if missing:
-        raise BimVerifyError(
-            f"The project has no camera for {missing[0]}; its images are named like {problem.cameras[0].name}."
-        )
-    return [known[name] for name in images]
+def names_of(problem: BundleProblem, images: Sequence[str | Path]) -> list[int]:
+    """Numbers of the cameras of image files, by their names. Raises BimVerifyError for one that is not in the block."""
+    names = [c.name for c in problem.cameras]
+    rows = [camera_of(image, names) for image in images]
+    if len(set(rows)) < len(rows):
+        raise BimVerifyError("Two of the images are taken for one camera of the project; name every image once.")
+    return rows

@@ -33,7 +33,7 @@ def weak_directions(estimate: PoseEstimate, prior: PosePrior) -> tuple[WeakDirec
     The estimate holds the coarse pose as an observation, so a share near one means that the lines say nothing there.
     """
     scale = np.array([prior.rotation_sigma] * 3 + [prior.position_sigma] * 3)
-    values, vectors = np.linalg.eigh(estimate.covariance / np.outer(scale, scale))
+    values, vectors = np.linalg.eigh(estimate.scaled_covariance / np.outer(scale, scale))
     out = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
         share = float(np.sqrt(max(value, 0.0)))

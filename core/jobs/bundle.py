@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ... import __version__
 from ..imagery.bundle import BundleResult, adjust_bundle
@@ -15,6 +16,7 @@ from ..imagery.bundle_problem import BundleProblem
 from ..imagery.bundle_project import read_project
 from ..imagery.coregistration import state_of
 from ..imagery.detect_lines import Detector, detect_lines
+from ..imagery.determined import determined
 from ..imagery.model_edges import sharp_edges
 from ..imagery.read_image import read_grey
 from ..imagery.series import SeriesResult, adjust_series, names_of
@@ -50,40 +52,43 @@ class AdjustedBundle:
     problem: BundleProblem
     result: BundleResult
     method: str
+    left_out: NDArray[np.int64]
+    """Rows of the project's points that are not in ``problem``: fewer than two images show them."""
     timings: dict[str, float] = field(default_factory=dict)
     placed: dict[str, str] = field(default_factory=dict)
     """What became of the images that were tied to the model: name and state."""
 
 
 def bundle(
-    project: str | Path | BundleProblem, *, robust: bool = True, threads: int = 0, edges: ModelEdges | None = None,
-    progress: Progress | None = None,
+    project: str | Path | BundleProblem, *, robust: bool = True, threads: int = 0, memory_gb: float = 3.0,
+    edges: ModelEdges | None = None, progress: Progress | None = None,
 ) -> AdjustedBundle:
     """Adjust a project; nothing is written.
 
-    ``robust`` takes the weight of gross errors; ``edges`` adds lines on the model's edges in selected images. Raises
-    BimVerifyError with one sentence when the project cannot be read or adjusted.
+    ``robust`` takes the weight of gross errors; ``edges`` adds lines on the model's edges in selected images. Points that
+    fewer than two images show are left out. Raises BimVerifyError with one sentence when the project cannot be read or
+    adjusted.
     """
     progress = progress or Progress()
     placed: dict[str, str] = {}
     with limited_threads(threads):
         watch = Stopwatch()
-        problem = project if isinstance(project, BundleProblem) else read_project(project)
+        problem, left_out = determined(project if isinstance(project, BundleProblem) else read_project(project))
         watch.lap("reading")
         if edges is None:
-            result = adjust_bundle(problem, robust=robust, progress=progress)
+            result = adjust_bundle(problem, robust=robust, memory_gb=memory_gb, progress=progress)
         else:
-            series = _series(problem, edges, robust, threads, progress)
+            series = _series(problem, edges, robust, threads, memory_gb, progress)
             result = series.bundle
             placed = {problem.cameras[k].name: state_of(r) for k, r in sorted(series.registrations.items())}
         watch.lap("adjustment")
-    return AdjustedBundle(problem, result, f"bim_verify {__version__} bundle", dict(watch.seconds), placed)
+    return AdjustedBundle(problem, result, f"bim_verify {__version__} bundle", left_out, dict(watch.seconds), placed)
 
 
 def _series(
-    problem: BundleProblem, edges: ModelEdges, robust: bool, threads: int, progress: Progress
+    problem: BundleProblem, edges: ModelEdges, robust: bool, threads: int, memory_gb: float, progress: Progress
 ) -> SeriesResult:
-    numbers = names_of(problem, [Path(p).name for p in edges.images])
+    numbers = names_of(problem, edges.images)
     model = edges.model
     if not isinstance(model, BuildingModel):
         model = load_model(model, threads=threads, progress=progress.part(0.0, 0.2))
@@ -94,5 +99,5 @@ def _series(
     return adjust_series(
         problem, lines, EdgeViewer(model, sharp_edges(model)), np.asarray(model.origin), model_sigma=level_sigma(edges.loa),
         position_sigma=edges.position_sigma, rotation_sigma=edges.rotation_sigma, seed=edges.seed, robust=robust,
-        progress=progress.part(0.2, 1.0),
+        memory_gb=memory_gb, progress=progress.part(0.2, 1.0),
     )

@@ -9,10 +9,10 @@ from pathlib import Path
 from ... import __version__
 from ..errors import BimVerifyError
 from ..imagery.cameras_file import CameraList, KnownCamera, read_cameras, shifted
-from ..imagery.coregistration import CoregisterOptions, CoregistrationResult
+from ..imagery.coregistration import CoregisterOptions, CoregistrationResult, is_placed
 from ..imagery.detect_lines import detect_lines
 from ..imagery.model_edges import sharp_edges
-from ..imagery.read_image import read_grey
+from ..imagery.read_image import check_image, read_grey
 from ..imagery.register_image import register_image
 from ..imagery.visible_edges import EdgeViewer
 from ..model.elements import BuildingModel
@@ -38,6 +38,8 @@ def coregister(
         raise BimVerifyError("An image is named twice; name every image once.")
     known = cameras if isinstance(cameras, CameraList) else read_cameras(cameras)
     chosen = [known.of_image(path) for path in images]
+    for path, one in zip(images, chosen, strict=True):
+        check_image(path, (one.camera.interior.width, one.camera.interior.height))
     with limited_threads(options.threads):
         watch = Stopwatch()
         if not isinstance(model, BuildingModel):
@@ -55,7 +57,7 @@ def coregister(
                 viewer, lines, one, model_sigma=level_sigma(options.loa), focal=options.focal, seed=options.seed
             ))
         watch.lap("registration")
-    if all(one.estimate is None for one in found):
+    if not any(is_placed(one) for one in found):
         raise BimVerifyError(f"None of the images could be placed. {Path(images[0]).name}: {found[0].note}")
     warnings = tuple(f"{Path(p).name}: {one.note}" for p, one in zip(images, found, strict=True) if one.note)
     progress.update(1.0, "Images registered")

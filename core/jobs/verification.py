@@ -18,7 +18,7 @@ from ..evidence.decide import Context
 from ..evidence.error_model import estimate_errors
 from ..evidence.fuse_samples import fuse_samples
 from ..evidence.gather import SensorModel
-from ..evidence.photo_campaign import photo_campaign, read_dense, shared_sigma
+from ..evidence.photo_campaign import photo_campaign, place_sigma, read_dense, shared_sigma
 from ..evidence.photo_table import photo_table
 from ..evidence.scenery import Scenery, with_glass
 from ..evidence.sightings import Sightings
@@ -115,7 +115,7 @@ def _verify(
         seen = scenery.look(scenery.plan_queries(), progress.part(0.4, 0.75))
         if not comes_near(model, seen):
             raise BimVerifyError(_far_away(model, source))
-        context = _context(scenery, seen, options, record, shared_sigma(blocks))
+        context = _context(scenery, seen, options, record, blocks)
         seen = with_glass(scenery, seen, samples.triangle[seen.sample], context.see_through)
         watch.lap("evidence")
         found = places(scenery, seen, context, progress.part(0.75, 1.0))
@@ -130,7 +130,7 @@ def _verify(
             scan_date=max((s.acquired for s in store.stations), default=""),
             method=f"bim_verify {__version__} {options.fusion}/{options.preset}",
             dropped={k: int(v) for k, v in vars(source.dropped).items() if not k.startswith("_")},
-            timings=watch.seconds, warnings=tuple(_warnings(scenery, context, options)),
+            timings=watch.seconds, warnings=tuple(_warnings(scenery, context, options, place_sigma(blocks))),
         )
         verdicts = tuple(_conclude(result, found, context))
         photos: tuple[ElementPhotos, ...] = ()
@@ -147,7 +147,7 @@ def _sensor(options: VerifyOptions) -> SensorModel:
 
 
 def _context(
-    scenery: Scenery, seen: Sightings, options: VerifyOptions, record: AlignmentRecord, shared: float
+    scenery: Scenery, seen: Sightings, options: VerifyOptions, record: AlignmentRecord, blocks: Sequence[BlockPoints]
 ) -> Context:
     photo = scenery.stations.photo
     thresholds = Thresholds()
@@ -158,9 +158,11 @@ def _context(
     )
     registration = errors.registration.sigma
     if photo is not None and options.registration_sigma is None:
-        registration = max(registration, shared)
+        registration = max(registration, shared_sigma(blocks))
     if record.covariance is not None:
         registration = float(np.hypot(registration, np.sqrt(np.trace(record.covariance[3:, 3:]) / 3.0)))
+    elif options.registration_sigma is None:
+        registration = max(registration, place_sigma(blocks))
     return Context(
         loa=options.loa, sigma=options.sigma, registration_sigma=registration, errors=errors, window=window,
         see_through=looks_through_glass(scenery, seen, window), thresholds=thresholds,
@@ -196,13 +198,22 @@ def _station_records(store: ReturnStore, stations: StationIndexes, context: Cont
     )
 
 
-def _warnings(scenery: Scenery, context: Context, options: VerifyOptions) -> Iterator[str]:
+def _warnings(scenery: Scenery, context: Context, options: VerifyOptions, place: float) -> Iterator[str]:
+    free = place > 0.0 and options.align == "none"
+    if free:
+        counted = f"{1000 * place:.0f} mm, as its cameras' positions, are counted for that"
+        if options.registration_sigma is not None:
+            counted = f"{1000 * context.registration_sigma:.1f} mm are counted for that, as you stated"
+        yield (
+            f"A block of photos has no control points and was adjusted freely, so it stands and is scaled as its cameras were "
+            f"given: {counted}. Give control points, tie it to the model (bundle --edges), or state --registration-sigma-mm."
+        )
     if options.sigma > level_sigma(options.loa):
         yield (
             f"One return's sigma of {1000 * options.sigma:.1f} mm is larger than that of LOA{options.loa} "
             f"({1000 * level_sigma(options.loa):.1f} mm): single returns cannot confirm this level."
         )
-    if context.registration_sigma > level_sigma(options.loa):
+    if context.registration_sigma > level_sigma(options.loa) and not free:
         yield (
             f"The stations agree to {1000 * context.registration_sigma:.1f} mm only, less than LOA{options.loa} needs "
             f"({1000 * level_sigma(options.loa):.1f} mm): register them better before trusting a deviation."

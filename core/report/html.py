@@ -25,6 +25,8 @@ from .rows import ELEMENT_BINS, element_rows, group_counts, weighted_quantile
 
 TABLE = "elements.csv"
 """What is in the folder of a report."""
+SCAN_WORDS = {"scans": "Scans", "station": "station", "taken": "Scanned", "returns": "Returns"}
+PHOTO_WORDS = {"scans": "Photos", "station": "camera", "taken": "Taken", "returns": "Rays"}
 OPTION_LABELS = {
     "loa": "Level of accuracy asked for",
     "sigma": "Sigma of one return (m)",
@@ -90,6 +92,7 @@ def render_page(
         ],
         headline=headline(result),
         file_names=_file_names(result),
+        words=PHOTO_WORDS if result.photos_only else SCAN_WORDS,
         pictures=report_pictures(held, limit, progress.part(0.1, 0.95)),
         picture_size=SIZE,
         deviation_stops=palette.DEVIATION_STOPS,

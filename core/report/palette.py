@@ -40,9 +40,9 @@ STATUS_LABELS: dict[Status, str] = {
 STATUS_MEANINGS: dict[Status, str] = {
     "CONFIRMED": "built as planned, within the level asked for",
     "DEVIATING": "built, but outside the level asked for",
-    "ABSENT": "the scanner looked through its place",
+    "ABSENT": "rays passed through its place",
     "PARTIAL": "seen in part, too little to decide on the whole",
-    "NOTOBSERVED": "no beam reached it, so nothing is known",
+    "NOTOBSERVED": "no ray reached it, so nothing is known",
 }
 
 BELIEF_HEX = {"occupied": "#0b8a66", "empty": "#b4123c", "unknown": "#94a0b4"}

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..imagery.block_points import BlockPoints, read_block
+from ..results import CAMERA_SENSOR
 from .campaign import Station
 from .scan_file import Columns, ScanFile, scan_frame_setup
 
@@ -31,8 +32,9 @@ class TiePointFile(ScanFile):
         self._camera, self._point = self.block.camera[order], self.block.point[order]
         count = np.bincount(self._camera, minlength=len(self.block.cameras))
         self._first = np.concatenate([[0], np.cumsum(count)])
+        block = str(path.resolve())
         setups = [
-            scan_frame_setup(Station(c.name, np.asarray(c.position), c.rotation.T, sensor="camera", block=path.name))
+            scan_frame_setup(Station(c.name, np.asarray(c.position), c.rotation.T, sensor=CAMERA_SENSOR, block=block))
             for c in self.block.cameras
         ]
         super().__init__(path, setups, [int(n) for n in count])

@@ -24,7 +24,7 @@ ONLY_WRITE_FILES = {
 }  # fmt: skip
 """They change nothing in the scene, so there is nothing to undo."""
 WRITE_FOLDERS = {"report", "export_change", "export_quality", "export_plan"}
-NEED_NOTHING = {"import_ifc", "import_scan", "facade", "simulate", "export_templates"}
+NEED_NOTHING = {"import_ifc", "import_scan", "facade", "simulate", "export_templates", "bundle"}
 SELECTION = {
     "verify": "selected_only", "plan": "selected", "export_bcf": "selected_only", "export_table": "selected_only",
     "change": "selected_only", "quality": "selected_only", "report": "selected_only", "export_ids": "selected_only",

@@ -124,3 +124,19 @@ def test_without_images_beside_the_file_it_says_so(blender: bpy.types.Scene, hou
     ops.import_ifc(filepath=str(house))
     with pytest.raises(RuntimeError, match="lies beside it"):
         ops.coregister(filepath=str(tmp_path / "cameras.json"))
+
+
+def test_labels_without_endings_and_sub_folders_find_their_images(
+    blender: bpy.types.Scene, house: Path, files: Path, result: CoregistrationResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = {}
+
+    def stand_in(model: BuildingModel, images: list[Path], cameras: CameraList, *_: object) -> CoregistrationResult:
+        given["images"] = images
+        return result
+
+    monkeypatch.setattr(job, "coregister", stand_in)
+    (files / "labels.json").write_text(json.dumps({"cameras": [camera_to_plain(camera("some/folder/room"))]}))
+    ops.import_ifc(filepath=str(house))
+    ops.coregister(filepath=str(files / "labels.json"))
+    assert [p.name for p in given["images"]] == ["room.png"]

@@ -112,6 +112,8 @@ def test_cameras_files_are_read_in_every_form_and_refused_in_a_sentence(tmp_path
         ({"position": [1, 2]}, "no position"), ({"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}, "no 3 x 3 rotation"),
         ({"interior": {"width": 640, "height": 480}}, "fx must be a number"),
         ({"interior": entry["interior"] | {"k1": -40.0}}, "cannot be inverted"), ({"position_sigma_m": 0}, "larger than zero"),
+        ({"position_sigma_m": 1e-200}, "must lie between"),
+        ({"interior": {"width": 640, "height": 480, "f_mm": 26, "sensor_width_mm": 0}}, "sensor_width_mm must be larger"),
     ):
         path.write_text(json.dumps({"cameras": [entry | spoiled]}))
         with pytest.raises(BimVerifyError, match=sentence):
@@ -125,3 +127,50 @@ def test_what_is_no_image_is_refused_in_a_sentence(tmp_path: Path) -> None:
     Image.new("L", (64, 48)).save(tmp_path / "room.png")
     with pytest.raises(BimVerifyError, match="64 x 48 pixels"):
         coregister(room(), [tmp_path / "room.png"], CameraList((KnownCamera(camera()),)))
+
+
+def test_a_longer_focal_length_keeps_where_the_lens_images_things() -> None:
+    ideal = np.random.default_rng(0).uniform([0, 0], [639, 479], (50, 2))
+    for scale in (0.97, 1.03):
+        longer = LENS.scaled(scale)
+        assert longer.fx == pytest.approx(scale * LENS.fx)
+        assert np.abs(longer.distort(ideal) - LENS.distort(ideal)).max() < 1e-9
+
+
+def test_a_focal_length_that_is_estimated_takes_its_distortion_along(photo, viewer) -> None:  # type: ignore[no-untyped-def]
+    off = LENS.scaled(1.01)
+    coarse = KnownCamera(replace(camera().moved(*COARSE), interior=off))
+    found = register_image(viewer, detect_lines(photo, off), coarse, model_sigma=SIGMA, focal=True)
+    lens = found.camera.interior
+    assert lens.fx == pytest.approx(LENS.fx, rel=0.006) and lens.fx != off.fx
+    corner = np.array([[20.0, 15.0]])
+    assert np.abs(lens.distort(corner) - off.distort(corner)).max() < 1e-9
+
+
+def test_only_poses_that_hold_are_counted_and_have_figures(tmp_path: Path, photo: np.ndarray) -> None:
+    Image.fromarray(photo).save(tmp_path / "room.png")
+    given = CameraList((KnownCamera(camera().moved(*COARSE)),))
+    result = coregister(room(), [tmp_path / "room.png"], given, CoregisterOptions(loa=40))
+    found = result.registrations[0]
+    refused = replace(result, registrations=(replace(found, runner_up=1.0, note="Another pose"),))
+    assert result.placed == 1 and refused.placed == 0
+    assert findings(result)["cameras"][0]["shift"] is not None and findings(refused)["cameras"][0]["shift"] is None
+    page = write_coregistration_report(tmp_path / "report", refused).read_text()
+    assert "AMBIGUOUS" in page and "Chance" in page and page.count(">–<") == 6
+    elsewhere = replace(camera(), rotation=camera().rotation @ np.diag([-1.0, -1.0, 1.0]))
+    with pytest.raises(BimVerifyError, match="None of the images could be placed"):
+        coregister(room(), [tmp_path / "room.png"], CameraList((KnownCamera(elsewhere),)))
+
+
+def test_images_are_looked_at_before_the_model_is_read(tmp_path: Path) -> None:
+    cameras = CameraList((KnownCamera(camera("a.png")), KnownCamera(camera("b.png"))))
+    Image.new("L", (640, 480)).save(tmp_path / "a.png")
+    with pytest.raises(BimVerifyError, match=r"Cannot read .*b\.png as an image"):
+        coregister(tmp_path / "there_is_no.ifc", [tmp_path / "a.png", tmp_path / "b.png"], cameras)
+
+
+def test_coarse_sigmas_can_be_said_for_a_file_that_states_none(tmp_path: Path) -> None:
+    entry = camera_to_plain(camera("a.jpg"))
+    (tmp_path / "c.json").write_text(json.dumps({"cameras": [entry, entry | {"image": "b.jpg", "position_sigma_m": 0.05}]}))
+    read = read_cameras(tmp_path / "c.json", 0.5, 0.1)
+    assert [k.position_sigma for k in read.cameras] == [0.5, 0.05] and read.cameras[0].rotation_sigma == pytest.approx(0.1)

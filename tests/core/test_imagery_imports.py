@@ -116,10 +116,40 @@ def test_metashape_cameras_keep_where_points_are_seen(tmp_path: Path) -> None:
     assert np.abs(read.interior.distort(read.project(truth[:5]))[:, 0] + 0.5 - u).max() < 1e-6
 
 
+def test_a_colmap_folder_can_stand_in_the_place_of_the_project(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_colmap(tmp_path / "sparse", bundle(0)[0], False)
+    assert len(read_project(tmp_path / "sparse").cameras) == 8
+    given = tmp_path / "sparse" / "images.txt"
+    before = given.read_bytes()
+    assert main(["bundle", str(tmp_path / "sparse"), "--out", str(tmp_path / "out.json")]) == 1
+    assert "datum" in capsys.readouterr().err
+    assert main(["bundle", str(tmp_path / "sparse"), "--out", str(given)]) == 1 and given.read_bytes() == before
+
+
+def test_the_command_says_what_it_left_out_and_which_sigmas_it_gives(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    problem, _ = bundle(3)
+    content = as_json(problem) | {"sigma_px": 0.1}
+    content["observations"] = [row for row in content["observations"] if row[1] != 70 or row[0] == 0]
+    (tmp_path / "p.json").write_text(json.dumps(content))
+    assert main([
+        "bundle", str(tmp_path / "p.json"), "--out", str(tmp_path / "o.json"), "--plain", "--memory-gb", "1", "--quiet",
+        "--report", str(tmp_path / "report"),
+    ]) == 0
+    said = capsys.readouterr().out
+    assert "Left out: 1 points" in said and "Sigmas count tie points" in said
+    out = json.loads((tmp_path / "o.json").read_text())
+    assert out["points_left_out"] == [70] and out["variance_factor"] > 9
+    assert out["groups"][0]["sigma_multiplied_by"] == pytest.approx(out["groups"][0]["variance_component"] ** 0.5, rel=0.01)
+    assert "Sigmas count tie points" in (tmp_path / "report" / "index.html").read_text()
+
+
 @pytest.mark.parametrize(("change", "sentence"), [
     ({"observations": [[0, 0, 1]]}, "rows of 4 or 5 numbers"), ({"observations": [[99, 0, 1, 1]]}, "names camera 99"),
     ({"free": ["f", "zoom"]}, "zoom cannot be calibrated"), ({"control": [{"point": 900}]}, "needs a point"),
     ({"import": "nowhere"}, "neither a folder of COLMAP"), ({"sigma_px": -1}, "larger than zero"),
+    ({"control": [{"point": 0, "coordinates": [0, 0, 0]}] * 2}, "names point 0, which is a control point already"),
 ])
 def test_projects_that_cannot_be_right_are_refused(tmp_path: Path, change: dict[str, Any], sentence: str) -> None:
     problem, _ = bundle(0)

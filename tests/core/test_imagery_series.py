@@ -71,8 +71,14 @@ def test_lines_in_two_images_take_the_drift_out_of_a_series() -> None:
 def test_images_that_the_block_does_not_have_are_named() -> None:
     problem, _ = bundle(0)
     assert names_of(problem, ["c3"]) == [3]
-    with pytest.raises(BimVerifyError, match=r"no camera for other\.jpg"):
+    with pytest.raises(BimVerifyError, match=r"no camera for the image other\.jpg"):
         names_of(problem, ["other.jpg"])
+
+
+def test_a_block_of_cameras_at_one_place_has_no_scale() -> None:
+    problem, _ = bundle(0)
+    with pytest.raises(BimVerifyError, match="stand at one place"):
+        FreeNet(problem.cameras[:1])
 
 
 def test_a_block_without_control_keeps_the_mean_of_its_cameras() -> None:

@@ -7,10 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from bim_verify.core.commands.verify import summary_lines
+from bim_verify.core.evidence.photo_campaign import photo_campaign
 from bim_verify.core.imagery.cameras_file import camera_to_plain
 from bim_verify.core.jobs import verify
 from bim_verify.core.model.raycast import RayScene
 from bim_verify.core.options import VerifyOptions
+from bim_verify.core.report.html import render_page
 from bim_verify.core.scans.open import open_scans
 from bim_verify.core.simulation.photo import looking
 
@@ -19,8 +22,9 @@ from .photo_data import camera, room
 SIGMA_M = 0.004
 
 
-def project(path: Path, missing: str = "") -> Path:
-    """Tie points on what four cameras see of the room without one element, seen by at least two of them."""
+def project(path: Path, missing: str = "", place_sigma: float = 0.002) -> Path:
+    """Tie points on what four cameras see of the room without one element, seen by at least two of them; where the cameras
+    stand is known to ``place_sigma`` metres."""
     model = room()
     shift = np.zeros((len(model.elements), 3))
     shift[[e.name == missing for e in model.elements]] = np.nan
@@ -45,7 +49,7 @@ def project(path: Path, missing: str = "") -> Path:
     shaken = points + rng.normal(0, SIGMA_M, points.shape)
     path.write_text(json.dumps({
         "format": "bim_verify.bundle", "cameras": [camera_to_plain(c) for c in cameras], "points": shaken.tolist(),
-        "observations": observations, "sigma_px": 0.05,
+        "observations": observations, "sigma_px": 0.05, "position_sigma_m": place_sigma,
     }))
     return path
 
@@ -66,3 +70,34 @@ def test_tie_points_confirm_what_they_lie_on_and_not_what_is_gone(tmp_path: Path
     assert verdicts[""]["north"] == "CONFIRMED" and verdicts[""]["table"] in ("CONFIRMED", "PARTIAL")
     assert verdicts["table"]["table"] == "ABSENT" and verdicts["table"]["north"] == "CONFIRMED"
     assert verdicts[""]["west"] == "NOTOBSERVED"
+
+
+def test_a_block_without_control_says_so_and_its_place_counts(tmp_path: Path) -> None:
+    options = VerifyOptions(loa=20, sigma=SIGMA_M, sample_spacing=0.1)
+    found = verify(room(), [project(tmp_path / "free.json", place_sigma=0.15)], options)
+    assert any("no control points and was adjusted freely" in text for text in found.warnings)
+    assert {s.registration_sigma for s in found.stations} == {0.15}
+    statuses = {v.status for v in found.verdicts}
+    assert statuses <= {"PARTIAL", "NOTOBSERVED"}  # nothing is decided to 5 cm from a place known to 15
+    assert all("known to 150 mm" in v.reason for v in found.verdicts if v.status == "PARTIAL")
+
+
+def test_two_blocks_in_files_of_one_name_are_two_bodies_of_evidence(tmp_path: Path) -> None:
+    for folder in "ab":
+        (tmp_path / folder).mkdir()
+        project(tmp_path / folder / "block.json")
+    content = json.loads((tmp_path / "b" / "block.json").read_text())
+    for camera_entry in content["cameras"]:
+        camera_entry["position"][2] += 0.01
+    (tmp_path / "b" / "block.json").write_text(json.dumps(content))
+    source = open_scans([tmp_path / "a" / "block.json", tmp_path / "b" / "block.json"])
+    campaign = photo_campaign(source.stations, source.photo_blocks, SIGMA_M)
+    assert campaign is not None and len(set(campaign.body[:-1].tolist())) == 2
+
+
+def test_the_report_of_photos_speaks_of_photos(tmp_path: Path) -> None:
+    found = verify(room(), [project(tmp_path / "adjusted.json")], VerifyOptions(loa=20, sigma=SIGMA_M, sample_spacing=0.1))
+    page = render_page(found)
+    assert "<dt>Photos</dt>" in page and "4 cameras" in page and "<dt>Rays</dt>" in page
+    assert "scanner" not in page and "no beam" not in page
+    assert "from 4 photos" in summary_lines(found)[1]
