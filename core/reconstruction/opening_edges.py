@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import ndtr
 
-from .crossings import Crossings
+from .crossings import BEFORE, Crossings
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -128,7 +128,7 @@ def seen_edge(
     the reveal between two places.
     """
     close = chosen & (np.abs(at - 0.5 * (inner + outer)) < SEEN_CELLS * cell)
-    solid = close & (np.abs(depth) <= band) & (side * (at - inner) < WITHIN_CELLS * cell)
+    solid = close & (depth >= -BEFORE * band) & (depth <= band) & (side * (at - inner) < WITHIN_CELLS * cell)
     through = close & (depth > band)
     if solid.sum() < LEAST_STRIPS or through.sum() < LEAST_STRIPS:
         return None

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_opening, find_objects, label, uniform_filter
 
-from .crossings import Crossings
+from .crossings import BEFORE, Crossings
 from .opening_edges import (
     JUMP_M,
     LEAST_CELLS,
@@ -125,7 +125,7 @@ def _side_state(c: Crossings, u0: float, z0: float, cell: float, shape: tuple[in
     flat = iu * shape[1] + iz
     size = shape[0] * shape[1]
     counts = {}
-    for name, chosen in (("on", c.on_face(band)), ("behind", c.depth > band), ("front", c.depth < -band)):
+    for name, chosen in (("on", c.on_face(band)), ("behind", c.depth > band), ("front", c.depth < -BEFORE * band)):
         counts[name] = np.bincount(flat[chosen], minlength=size).reshape(shape).astype(np.float64)
     near = {k: uniform_filter(v, 3, mode="constant") * 9 for k, v in counts.items()}
     state = np.full(shape, VOID, dtype=np.int8)
