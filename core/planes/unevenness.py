@@ -24,7 +24,7 @@ RATIOS = np.concatenate([[0.0], np.geomspace(0.03, 3000.0, 56)])
 """Smooth standard deviation over that of the noise of an average cell's mean; all as likely as each other beforehand."""
 LENGTHS = np.geomspace(0.02, 10.0, 12)
 """Correlation lengths, shares of the surface's extent."""
-SHORTEST = 0.03
+SHORTEST = 0.02
 """Share of the extent: how soon lengths grow unlikely downwards."""
 BEFOREHAND = np.exp(-SHORTEST / LENGTHS) / LENGTHS
 """Of the lengths: the penalised complexity prior of a field in the plane (Fuglstad, Simpson, Lindgren and Rue 2019). How
