@@ -55,10 +55,10 @@ def standing_off(model: BuildingModel, rng: np.random.Generator) -> dict[int, Ed
 def true_value(row: Dimension, model: BuildingModel, edits: dict[int, Edit]) -> float | None:
     """What a clear width or height is as built.
 
-    None for a test, where an element has no name of its own, and where two elements are not parallel: an end face stays where
-    its wall moves across.
+    None for a test or a vertex, where an element has no name of its own, and where two elements are not parallel: an end
+    face stays where its wall moves across.
     """
-    if row.planned is None:
+    if row.planned is None or row.what not in ("width", "height"):
         return None
     if len(row.between) == 1:
         return row.planned

@@ -72,7 +72,7 @@ class BIMVERIFY_OT_reconstruct(ReconstructOutputs, FileJob[Made], bpy.types.Oper
         from ...core.reconstruction.report import write_reconstruction_report
         from ...core.reconstruction.shapes import read_shapes, shapes_of
         from ...core.reconstruction.summary import summary_lines
-        from ...core.reconstruction.write_ifc import building_file, write_building_file
+        from ...core.reconstruction.write_ifc import write_building_file, written_building
 
         settings = context.scene.bim_verify
         if not self.filepath:
@@ -93,7 +93,7 @@ class BIMVERIFY_OT_reconstruct(ReconstructOutputs, FileJob[Made], bpy.types.Oper
         def work(progress: Progress) -> Made:
             reference = read_shapes(compared) if compared else None
             found = jobs.reconstruct(paths, options, progress.part(0.0, 0.9))
-            building = building_file(found)
+            building, ids = written_building(found)
             first, *notes = summary_lines(found)
             comparison = None
             if reference is not None:
@@ -106,7 +106,7 @@ class BIMVERIFY_OT_reconstruct(ReconstructOutputs, FileJob[Made], bpy.types.Oper
             with all_or_none():
                 write_building_file(path, building)
                 if table is not None:
-                    write_dimensions(table, dimension_rows(found))
+                    write_dimensions(table, dimension_rows(found, ids))
                     notes.append(f"Dimensions: {table}")
                 if report is not None:
                     write_reconstruction_report(report, found, comparison)

@@ -26,7 +26,7 @@ def _reconstruct(values: Values, progress: Progress) -> Outcome:
     from ..reconstruction.report import write_reconstruction_report
     from ..reconstruction.shapes import read_shapes, shapes_of
     from ..reconstruction.summary import reconstruction_to_json, summary_lines
-    from ..reconstruction.write_ifc import building_file, write_reconstruction
+    from ..reconstruction.write_ifc import write_building_file, written_building
     from ..report.page_frame import PAGE
 
     options = reconstruct_options(values)
@@ -40,10 +40,11 @@ def _reconstruct(values: Values, progress: Progress) -> Outcome:
     reference = read_shapes(values["compare"]) if values["compare"] else None
     result = reconstruct(values["scan"], options, progress.part(0.0, 0.95))
     lines = summary_lines(result)
-    data: dict[str, Any] = reconstruction_to_json(result)
+    building, ids = written_building(result)
+    data: dict[str, Any] = reconstruction_to_json(result, ids)
     comparison = None
     if reference is not None:
-        comparison = compare(shapes_of(building_file(result), values["out"]), reference)
+        comparison = compare(shapes_of(building, values["out"]), reference)
         lines += comparison_lines(comparison)
         data["comparison"] = comparison_to_json(comparison)
     lines.append(f"Model: {values['out']}")
@@ -51,9 +52,9 @@ def _reconstruct(values: Values, progress: Progress) -> Outcome:
         lines.append(f"Dimensions: {values['dimensions']}")
 
     def write() -> None:
-        write_reconstruction(values["out"], result)
+        write_building_file(values["out"], building)
         if values["dimensions"]:
-            write_dimensions(values["dimensions"], dimension_rows(result))
+            write_dimensions(values["dimensions"], dimension_rows(result, ids))
         if values["report"]:
             write_reconstruction_report(values["report"], result, comparison)
 

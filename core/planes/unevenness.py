@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 from .fit import Plane
 
@@ -21,12 +20,15 @@ Array = NDArray[np.float64]
 MOST_CELLS = 144
 LEAST_CELLS = 9
 SMALLEST_CELL_M = 0.04
-RATIOS = np.concatenate([[0.0], np.geomspace(0.03, 3000.0, 12)])
-"""Smooth variance over the independent variance of an average cell."""
-LENGTHS = np.array([0.03, 0.06, 0.12, 0.25, 0.5])
+RATIOS = np.concatenate([[0.0], np.geomspace(0.03, 3000.0, 56)])
+"""Smooth standard deviation over that of the noise of an average cell's mean; all as likely as each other beforehand."""
+LENGTHS = np.geomspace(0.02, 10.0, 12)
 """Correlation lengths, shares of the surface's extent."""
-NEAR = np.geomspace(0.35, 2.83, 7)
-"""Around the best of them, factors."""
+SHORTEST = 0.02
+"""Share of the extent: how soon lengths grow unlikely downwards."""
+BEFOREHAND = np.exp(-SHORTEST / LENGTHS) / LENGTHS
+"""Of the lengths: the penalised complexity prior of a field in the plane (Fuglstad, Simpson, Lindgren and Rue 2019). How
+often intervals hold hangs on it, because one surface does not tell how long its unevenness is."""
 
 _nodes, _weights = np.polynomial.legendre.leggauss(3)
 OFFSET = np.concatenate([_nodes - 1.0, _nodes + 1.0]) / 2.0
@@ -37,10 +39,12 @@ OFFSET_WEIGHT = 0.5 * np.tile(_weights, 2) * (1.0 - np.abs(OFFSET))
 
 @dataclass(frozen=True)
 class Unevenness:
-    """A smooth error of a surface: standard deviation [m], correlation length [m] (exponential), and the cells' count."""
+    """A smooth error of a surface, as far as its plane leaves it in the residuals."""
 
     sigma: float
+    """Its standard deviation [m]."""
     length: float
+    """The likeliest correlation length (exponential) [m]."""
     white_sigma: float
     """Independent part of one return along the normal [m], from the scatter within cells."""
     cells: int
@@ -60,6 +64,11 @@ class _Cells:
     within: float
     """Variance of the residuals within the cells."""
 
+    @property
+    def unit(self) -> float:
+        """Standard deviation of an average cell's mean from the noise alone [m]."""
+        return float(np.sqrt(self.within / self.count.mean()))
+
     def correlation(self, length: float) -> Array:
         """(K, K) of the cells' means of an error whose correlation falls exponentially with ``length`` [m]."""
         steps = [np.arange(n) for n in self.number.max(axis=0) + 1]
@@ -70,31 +79,37 @@ class _Cells:
         return np.asarray(table[off[..., 0], off[..., 1]])
 
 
-def _explored(cells: _Cells, variances: Array, lengths: Array) -> Array:
-    """(L, V) twice the negative restricted log-likelihood of smooth variances [m2] and correlation lengths [m]."""
-    noise = np.diag(cells.within / cells.count)
+@dataclass(frozen=True)
+class _Likely:
+    """Of each correlation length: what the residuals say."""
+
+    lengths: Array
+    """(L,) metres."""
+    ratios: Array
+    """(L, V) how likely each smooth variance is, all together 1."""
+    rest: Array
+    """(L,) share of a smooth variance that a fitted plane leaves in the residuals."""
+
+
+def _likely(cells: _Cells) -> _Likely:
+    """Restricted likelihood times what is likely beforehand, over ``RATIOS`` and ``LENGTHS``."""
     place = cells.number * cells.size
+    extent = float(np.linalg.norm(np.ptp(place, axis=0)))
     wide = np.ptp(place, axis=0) > 0  # one row of cells cannot tell a turn about itself
     design = np.column_stack([np.ones(len(place)), (place - place.mean(axis=0))[:, wide]])
-    out = np.empty((len(lengths), len(variances)))
-    for row, length in enumerate(lengths):
+    weight = np.sqrt(cells.count / cells.count.mean())
+    basis = np.linalg.qr(design * weight[:, None], mode="complete")[0][:, design.shape[1] :]
+    plain = np.linalg.qr(design)[0]
+    values = basis.T @ (cells.mean * weight) / cells.unit
+    logs, rest = [], []
+    for length in extent * LENGTHS:
         correlation = cells.correlation(float(length))
-        out[row] = [_restricted(cells.mean, design, v * correlation + noise) for v in variances]
-    return out
-
-
-def _likely(cells: _Cells) -> tuple[Array, Array, Array]:
-    """(V,) smooth variances [m2], (L,) correlation lengths [m], and how likely each pair is (L, V), all together 1."""
-    unit = float((cells.within / cells.count).mean())
-    extent = float(np.linalg.norm(np.ptp(cells.number, axis=0) * cells.size))
-    variances, lengths = RATIOS * unit, extent * LENGTHS
-    value = _explored(cells, variances, lengths)
-    length, variance = np.unravel_index(np.argmin(value), value.shape)
-    if variances[variance] > 0:
-        variances, lengths = variances[variance] * NEAR, lengths[length] * NEAR
-        value = _explored(cells, variances, lengths)
-    weight = np.exp(-0.5 * (value - value.min()))
-    return variances, lengths, weight / weight.sum()
+        own, axes = np.linalg.eigh(basis.T @ (weight[:, None] * correlation * weight) @ basis)
+        spread = 1.0 + RATIOS[:, None] ** 2 * np.maximum(own, 0.0)
+        logs.append(-0.5 * (np.log(spread) + (axes.T @ values) ** 2 / spread).sum(axis=1))
+        rest.append(np.trace(correlation - plain @ (plain.T @ correlation)) / len(place))
+    weights = np.exp(np.array(logs) - np.max(logs)) * BEFOREHAND[:, None]
+    return _Likely(extent * LENGTHS, weights / weights.sum(), np.array(rest))
 
 
 def with_unevenness(plane: Plane, points: Array) -> tuple[Plane, Unevenness | None]:
@@ -106,22 +121,22 @@ def with_unevenness(plane: Plane, points: Array) -> tuple[Plane, Unevenness | No
     cells = _cells(plane, points)
     if cells is None:
         return plane.replaced(covariance=plane.covariance * max(plane.variance_factor, 1.0)), None
-    variances, lengths, likely = _likely(cells)
+    likely = _likely(cells)
     q = np.asarray(points, dtype=np.float64) - plane.centroid
     at = q @ plane.axes.T
-    spread = (at**2).sum(axis=0)
     # turns by least squares of the heights: -(e . q) / sum (e . q)^2; the shift is their mean
-    gradient = np.column_stack([-at / spread, np.full(len(q), 1.0 / len(q))])
+    gradient = np.column_stack([-at / (at**2).sum(axis=0), np.full(len(q), 1.0 / len(q))])
     share = np.stack([np.bincount(cells.index, gradient[:, k], len(cells.mean)) for k in range(3)], axis=1)
     smooth = np.zeros((3, 3))
-    for length, variance in zip(lengths, likely @ variances, strict=True):
+    for length, variance in zip(likely.lengths, likely.ratios @ RATIOS**2 * cells.unit**2, strict=True):
         smooth += variance * share.T @ cells.correlation(float(length)) @ share
     predicted = plane.residual_sigma**2 / max(plane.variance_factor, 1e-12)
     white = plane.covariance * (cells.within / max(predicted, 1e-18))
-    row, column = np.unravel_index(np.argmax(likely), likely.shape)
-    sigmas, weight = np.sqrt(variances), likely.sum(axis=0)
-    spread = float(np.sqrt(np.maximum(weight @ sigmas**2 - (weight @ sigmas) ** 2, 0.0)))
-    found = Unevenness(float(sigmas[column]), float(lengths[row]), float(np.sqrt(cells.within)), len(cells.mean), spread)
+    left = RATIOS * cells.unit * np.sqrt(np.maximum(likely.rest, 0.0))[:, None]
+    sigma = float((likely.ratios * left).sum())
+    spread = float(np.sqrt((likely.ratios * (left - sigma) ** 2).sum()))
+    length = float(likely.lengths[np.argmax(likely.ratios.sum(axis=1))])
+    found = Unevenness(sigma, length, float(np.sqrt(cells.within)), len(cells.mean), spread)
     return plane.replaced(covariance=white + smooth), found
 
 
@@ -140,13 +155,3 @@ def _cells(plane: Plane, points: Array) -> _Cells | None:
     mean = np.bincount(index, off) / count
     within = float(((off - mean[index]) ** 2).sum() / (len(points) - len(used)))
     return _Cells(number[first], np.full(2, size), mean, count, index, max(within, 1e-14))
-
-
-def _restricted(values: Array, design: Array, covariance: Array) -> float:
-    """Twice the negative restricted log-likelihood."""
-    factor = cho_factor(covariance, lower=True, check_finite=False)
-    solved = cho_solve(factor, np.column_stack([design, values]), check_finite=False)
-    normal = design.T @ solved[:, :-1]
-    right = design.T @ solved[:, -1]
-    rest = float(values @ solved[:, -1] - right @ np.linalg.solve(normal, right))
-    return 2.0 * float(np.log(np.diag(factor[0])).sum()) + float(np.linalg.slogdet(normal)[1]) + rest

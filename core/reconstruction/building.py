@@ -146,3 +146,25 @@ class Reconstruction:
     def openings(self) -> int:
         """Number of openings."""
         return sum(len(w.openings) for s in self.storeys for w in s.walls)
+
+
+@dataclass(frozen=True)
+class StoreyIds:
+    """GlobalIds of what was written of a storey, in the order of its rooms, walls, their openings, and columns."""
+
+    rooms: tuple[str, ...] = ()
+    walls: tuple[str, ...] = ()
+    openings: tuple[tuple[str, ...], ...] = ()
+    columns: tuple[str, ...] = ()
+
+    def room(self, k: int) -> str:
+        """Empty where nothing was written."""
+        return self.rooms[k] if self.rooms else ""
+
+    def opening(self, wall: int, k: int) -> str:
+        """Empty where nothing was written."""
+        return self.openings[wall][k] if self.openings else ""
+
+
+NO_IDS = StoreyIds()
+"""Of a storey that was not written."""

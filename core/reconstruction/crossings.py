@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 
 BAND_M = 0.012
 """Least half-width of the band about the face whose returns lie on it."""
+BEFORE = 0.5
+"""Share of the band before the face."""
 GRAZING_COS = 0.08
 HIDDEN_M = 6.0
 """A return this far before a face still hides it."""
@@ -35,8 +37,8 @@ class Crossings:
     """(N,) rows of the cloud."""
 
     def on_face(self, band: float) -> NDArray[np.bool_]:
-        """(N,) the return lies on the face."""
-        return np.abs(self.depth) <= band
+        """(N,) the return lies on the face. A leaf that stands open a centimetre before it does not."""
+        return (self.depth >= -BEFORE * band) & (self.depth <= band)
 
     def __len__(self) -> int:
         return len(self.u)

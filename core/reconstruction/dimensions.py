@@ -16,7 +16,7 @@ from ..dimensions.table import Dimension, conformity, width
 from ..planes.conformity import Conformity, orthogonality, parallelism, plumb
 from ..planes.derived import Estimate, distance_between, level_of_accuracy
 from ..planes.fit import Plane
-from .building import BuiltRoom, BuiltStorey, Reconstruction
+from .building import NO_IDS, BuiltRoom, BuiltStorey, Reconstruction, StoreyIds
 
 Array = NDArray[np.float64]
 
@@ -84,35 +84,39 @@ def room_dimensions(storey: BuiltStorey, room: BuiltRoom) -> RoomDimensions:
     return RoomDimensions(tuple(widths), clear, tuple(tests))
 
 
-def dimension_rows(result: Reconstruction) -> list[Dimension]:
+def dimension_rows(result: Reconstruction, ids: Sequence[StoreyIds] = ()) -> list[Dimension]:
     """All rooms and openings of a reconstruction as rows of a table, metres, frame of the scans.
 
-    Walls are named by their number in their storey.
+    Walls are named by their number in their storey. ``ids``: of what was written (``write_ifc.written_building``).
     """
-    return [row for storey in result.storeys for row in storey_rows(storey, result.origin)]
+    given = ids or [NO_IDS] * len(result.storeys)
+    return [
+        row for storey, own in zip(result.storeys, given, strict=True) for row in storey_rows(storey, result.origin, own)
+    ]
 
 
-def storey_rows(storey: BuiltStorey, origin: Array) -> list[Dimension]:
+def storey_rows(storey: BuiltStorey, origin: Array, ids: StoreyIds = NO_IDS) -> list[Dimension]:
     """The same of one storey."""
     rows: list[Dimension] = []
     for number, room in enumerate(storey.rooms, start=1):
-        where, found = f"{storey.name}, room {number}", room_dimensions(storey, room)
-        rows += [width(where, "", "width", _walls(w.walls), w.distance) for w in found.widths]
+        where, own, found = f"{storey.name}, room {number}", ids.room(number - 1), room_dimensions(storey, room)
+        rows += [width(where, own, "width", _walls(w.walls), w.distance) for w in found.widths]
         if found.height is not None:
-            rows.append(width(where, "", "height", ("floor", "ceiling"), found.height))
-        rows += [conformity(where, "", _walls(walls), test) for walls, test in found.tests]
+            rows.append(width(where, own, "height", ("floor", "ceiling"), found.height))
+        rows += [conformity(where, own, _walls(walls), test) for walls, test in found.tests]
         for name, face in (("floor", room.floor_face), ("ceiling", room.ceiling_face)):
-            rows += [conformity(where, "", (name,), test) for test in (face.flatness if face else ())]
-        rows += corner_rows(_bounded(where, storey, room, origin))
+            rows += [conformity(where, own, (name,), test) for test in (face.flatness if face else ())]
+        rows += corner_rows(_bounded(where, own, storey, room, origin))
     for k, wall in enumerate(storey.walls, start=1):
         for number, o in enumerate(wall.openings, start=1):
             where, (start, end, sill, head) = f"{storey.name}, wall {k}, {o.kind} {number}", o.edge_sigma
-            rows.append(width(where, "", "width", (f"wall {k}",), Estimate(o.width, float(np.hypot(start, end)))))
-            rows.append(width(where, "", "height", (f"wall {k}",), Estimate(o.height, float(np.hypot(sill, head)))))
+            own = ids.opening(k - 1, number - 1)
+            rows.append(width(where, own, "width", (f"wall {k}",), Estimate(o.width, float(np.hypot(start, end)))))
+            rows.append(width(where, own, "height", (f"wall {k}",), Estimate(o.height, float(np.hypot(sill, head)))))
     return rows
 
 
-def _bounded(where: str, storey: BuiltStorey, room: BuiltRoom, origin: Array) -> Room:
+def _bounded(where: str, global_id: str, storey: BuiltStorey, room: BuiltRoom, origin: Array) -> Room:
     walls = [
         Bound(f"wall {k}", face.plane, face.unevenness, (wall.start, wall.end))
         for k, wall in enumerate(storey.walls, start=1) for face in wall.faces
@@ -121,7 +125,7 @@ def _bounded(where: str, storey: BuiltStorey, room: BuiltRoom, origin: Array) ->
         None if face is None else Bound(name, face.plane, face.unevenness)
         for name, face in (("floor", room.floor_face), ("ceiling", room.ceiling_face))
     )
-    return Room(where, "", room.outline, walls, floor, ceiling, origin)
+    return Room(where, global_id, room.outline, walls, floor, ceiling, origin)
 
 
 def _walls(rows: Sequence[int]) -> tuple[str, ...]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.special import ndtr
 
-from .crossings import Crossings
+from .crossings import BEFORE, Crossings
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -25,13 +28,30 @@ SEEN_CELLS = 3.0
 WITHIN_CELLS = 1.5
 """A face may reach so far beyond the line of cells at which its hole was found to begin."""
 LEAST_STRIPS = 3
-BEAM_M = 0.004
-"""Radius of a beam's footprint: a beam that straddles an edge may still return from the face, so all strips see a hole too
-narrow by up to that, and that much of an edge's error stays."""
+BEAM_M = (0.001, 0.002)
+"""A beam whose middle passes an edge by up to its radius may still return from the face: mean and standard deviation of how
+far within its edge a hole seems to begin."""
+STRAY = 0.02
+"""Share of strips in which something else than the edge ends the face or the hole."""
+ON_REVEAL = 0.4
+"""Last returns that lie so deep on the mean, in half-widths of the band, are not on the face."""
+BANDS_PER_NOISE = 12.0
+"""Half-widths of the band per standard deviation of a return's place along the face."""
+GRID_M = 0.00025
+BEYOND_M = 0.012
+"""What is likely is looked at so far beyond the middles of what was seen."""
 REVEAL_BIN_M = 0.01
 LEAST_REVEAL_RETURNS = 30
 REVEAL_SPAN_M = (0.03, 0.2)
 """A reveal reaches at least this deep, and this far along the edge."""
+LINE_BIN_M = 0.002
+LINE_SHARE = 0.4
+"""Of the returns between the last one on the face and the first one behind it: those on a reveal lie in one line."""
+LINE_DEPTH_M = .03
+"""A column of rays on something else makes a line as well, but at one depth."""
+NEAR_M = 0.004
+REVEAL_SIGMA_M = 0.0007
+"""Of a place by the reveal, however many returns are on it."""
 REVEAL_BEGIN_M = 0.027
 """It begins at the face; the side of a frame, or a leaf that stands open, begins deeper."""
 
@@ -67,42 +87,49 @@ def gathered(sides: list[Crossings], band: float) -> Returns:
     return Returns(u, z, np.abs(depth) <= band, depth > band, end_u, end_z, depth)
 
 
-def bracket(holes: Flags, solid: Flags, end: int, sign: int, most_jump: int, pier: int) -> tuple[int, int]:
-    """(last line that is open, first line that is solid) from line ``end`` of a hole outwards.
+def bracket(holes: Flags, solid: Flags, end: int, sign: int, most_jump: int, pier: int) -> tuple[int, int, int]:
+    """(last line that is open, where it may end, first line that is solid) from line ``end`` of a hole outwards.
 
     ``holes`` and ``solid`` are (lines, across) restricted to the hole across; ``sign`` 1 outwards is towards larger lines.
-    Lines of which nothing is known lie between the two. Without a solid line the second is the raster's own border.
-    What is solid on fewer than ``pier`` lines before it opens again is no wall.
+    Lines of which nothing is known lie between the first two. The second is the third, or a line before it that is open
+    but so far off that it need not belong to the same hole. Without a solid line it is the raster's own border. What is
+    solid on fewer than ``pier`` lines before it opens again is no wall.
     """
     inner, jump = end, 0
     open_cells, solid_cells = holes.sum(axis=1), solid.sum(axis=1)
     is_wall = (solid_cells >= LEAST_CELLS) & (open_cells <= OPEN_SHARE * (open_cells + solid_cells))
     is_open = (open_cells >= LEAST_CELLS) & ~is_wall
-    line = end + sign
+    line, ends = end + sign, None
     while 0 <= line < len(holes):
         beyond = is_open[line : line + pier] if sign > 0 else is_open[max(line - pier + 1, 0) : line + 1]
         if is_wall[line] and not beyond.any():
-            return inner, line
+            break
         if is_open[line]:
-            if jump > most_jump:
-                return inner, line
-            inner, jump = line, 0
+            if jump > most_jump and ends is None:
+                ends = line
+            if ends is None:
+                inner = line
+            jump = 0
         else:
             jump += 1
         line += sign
-    return inner, line
+    return inner, line if ends is None else ends, line
 
 
 def seen_edge(
-    at: Array, across: Array, on: Flags, behind: Flags, inner: float, outer: float, cell: float, side: float
+    at: Array, across: Array, depth: Array, chosen: Flags, inner: float, outer: float, cell: float, side: float, band: float,
+    reveal: Callable[[float, float], EdgePlace | None],
 ) -> EdgePlace | None:
-    """The edge between the last return on the face and the first one behind it, median over strips; None if not seen.
+    """The edge between the last return on the face and the first one behind it in each of many strips; None if not seen.
 
     Up to ``inner`` it is open, from ``outer`` on solid; ``side`` 1 where the hole begins, -1 where it ends. What lies on
-    the face farther within the hole is a leaf that stands open.
+    the face farther within the hole is a leaf that stands open. Strips share the edge: where their grids of rays differ,
+    they narrow it down together, and where they are alike they do not. ``reveal`` is asked for the edge by what was seen of
+    the reveal between two places.
     """
-    close = np.abs(at - 0.5 * (inner + outer)) < SEEN_CELLS * cell
-    solid, through = on & close & (side * (at - inner) < WITHIN_CELLS * cell), behind & close
+    close = chosen & (np.abs(at - 0.5 * (inner + outer)) < SEEN_CELLS * cell)
+    solid = close & (depth >= -BEFORE * band) & (depth <= band) & (side * (at - inner) < WITHIN_CELLS * cell)
+    through = close & (depth > band)
     if solid.sum() < LEAST_STRIPS or through.sum() < LEAST_STRIPS:
         return None
     width = max(2.0 * cell, 0.04)
@@ -110,22 +137,60 @@ def seen_edge(
     a = at * side
     first = int(strip[close].min())
     count = int(strip[close].max()) - first + 1
-    last_solid, first_open = np.full(count, -np.inf), np.full(count, np.inf)
-    np.maximum.at(last_solid, strip[solid] - first, a[solid])
+    last, first_open = np.full(count, -1), np.full(count, np.inf)
+    rows = np.flatnonzero(solid)
+    rows = rows[np.argsort(a[rows])]
+    last[strip[rows] - first] = rows
     np.minimum.at(first_open, strip[through] - first, a[through])
-    both = np.isfinite(last_solid) & np.isfinite(first_open)
-    gap = np.where(both, first_open - np.where(both, last_solid, 0.0), np.inf)
-    both &= (gap < 2.0 * cell) & (gap > -0.5 * cell)
-    if both.sum() < LEAST_STRIPS:
+    both = (last >= 0) & np.isfinite(first_open)
+    last, first_open = last[both], first_open[both]
+    gap = first_open - a[last]
+    good = (gap < 2.0 * cell) & (gap > -0.5 * cell)
+    if good.sum() < LEAST_STRIPS:
         return None
-    middle = 0.5 * (last_solid[both] + first_open[both])
-    place = float(np.median(middle))
-    scatter = 1.4826 * float(np.median(np.abs(middle - place)))
-    # within its gap the edge may be anywhere. Where the grid of rays lies alike in all strips, they share that error and
-    # their middles agree; what they share is not averaged away
-    alone = scatter**2
-    shared = max(float(np.mean(gap[both])) ** 2 / 12.0 - alone, 0.0)
-    return EdgePlace(side * place, float(np.sqrt(shared + alone / both.sum() + BEAM_M**2)), True)
+    last, first_open, noise = last[good], first_open[good], band / BANDS_PER_NOISE
+    middles = float(np.median(a[last])), float(np.median(first_open))
+    low, high = sorted((side * (min(middles) - NEAR_M), side * (max(middles) + NEAR_M)))
+    by_reveal = reveal(low, high)
+    if by_reveal is None and depth[last].mean() > ON_REVEAL * band:
+        # the last returns within the band lie on the reveal, and the last of many goes beyond it by their noise
+        return EdgePlace(side * (middles[0] - noise), noise, True)
+    return by_reveal or _between(a[last], first_open, noise, side)
+
+
+def _between(last_solid: Array, first_open: Array, noise: float, side: float) -> EdgePlace:
+    """An edge that lies between the two in all strips but a few."""
+    middles = float(np.median(last_solid)), float(np.median(first_open))
+    t = np.arange(min(middles) - BEYOND_M, max(middles) + BEYOND_M, GRID_M)
+    before, after = ((t[:, None] - last_solid) / noise, (first_open - t[:, None]) / noise)
+    log = sum(np.log(STRAY + (1.0 - STRAY) * ndtr(v)).sum(axis=1) for v in (before, after))
+    likely = gaussian_filter1d(np.exp(log - np.max(log)), BEAM_M[1] / GRID_M, mode="constant")
+    t = t - BEAM_M[0]
+    likely /= likely.sum()
+    place = float(likely @ t)
+    return EdgePlace(side * place, float(np.sqrt(likely @ (t - place) ** 2)), True)
+
+
+def reveal_between(
+    end: Array, along_edge: Array, depth: Array, chosen: Flags, low: float, high: float
+) -> EdgePlace | None:
+    """A seen edge by the returns on its reveal, which lie in one line; None where there is no such line.
+
+    ``chosen`` are those behind the face within the hole along the edge; the edge is known to be between ``low`` and ``high``.
+    """
+    own = chosen & (end > low) & (end < high)
+    if own.sum() < LEAST_REVEAL_RETURNS:
+        return None
+    number = ((end[own] - low) / LINE_BIN_M).astype(np.int64)
+    line = low + (float(np.argmax(np.convolve(np.bincount(number), np.ones(3), mode="same"))) + 0.5) * LINE_BIN_M
+    here = own & (np.abs(end - line) < 1.5 * LINE_BIN_M)
+    if here.sum() < max(LEAST_REVEAL_RETURNS, LINE_SHARE * own.sum()):
+        return None
+    spans = [np.subtract(*np.quantile(v[here], (0.95, 0.05))) for v in (depth, along_edge)]
+    if spans[0] < LINE_DEPTH_M or spans[1] < REVEAL_SPAN_M[1]:
+        return None
+    sigma = float(np.hypot(end[here].std() / np.sqrt(here.sum()), REVEAL_SIGMA_M))
+    return EdgePlace(float(np.median(end[here])), sigma, True)
 
 
 def reveal_edge(
@@ -149,9 +214,15 @@ def reveal_edge(
     spans = [np.subtract(*np.quantile(v[here], (0.95, 0.05))) for v in (depth, along_edge)]
     if spans[0] < REVEAL_SPAN_M[0] or spans[1] < REVEAL_SPAN_M[1]:
         return None
-    return EdgePlace(float(np.median(end[here])), float(np.hypot(end[here].std() / np.sqrt(here.sum()), BEAM_M)), True)
+    sigma = float(np.hypot(end[here].std() / np.sqrt(here.sum()), REVEAL_SIGMA_M))
+    return EdgePlace(float(np.median(end[here])), sigma, True)
 
 
-def hidden_edge(inner: float, outer: float, cell: float) -> EdgePlace:
-    """Anywhere between what is open and what is solid, both [m], as far as the raster's ``cell`` [m] tells."""
-    return EdgePlace(0.5 * (inner + outer), max(abs(outer - inner), cell) / float(np.sqrt(12.0)), False)
+def hidden_edge(inner: float, outer: float, far: float, cell: float) -> EdgePlace:
+    """Anywhere between what is open and what is solid, as far as the raster's ``cell`` tells: put in the middle [m].
+
+    ``far`` is where wall was seen: farther than ``outer`` if the wall is open there and it may be the same hole.
+    """
+    at, sign = 0.5 * (inner + outer), np.sign(outer - inner) or 1.0
+    ends = np.array([inner - sign * cell, max(far * sign, outer * sign) * sign + sign * cell]) - at
+    return EdgePlace(at, float(np.sqrt((ends**2).sum() + ends.prod()) / np.sqrt(3.0)), False)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_opening, find_objects, label, uniform_filter
 
-from .crossings import Crossings
+from .crossings import BEFORE, Crossings
 from .opening_edges import (
     JUMP_M,
     LEAST_CELLS,
@@ -20,6 +21,7 @@ from .opening_edges import (
     bracket,
     gathered,
     hidden_edge,
+    reveal_between,
     reveal_edge,
     seen_edge,
 )
@@ -123,7 +125,7 @@ def _side_state(c: Crossings, u0: float, z0: float, cell: float, shape: tuple[in
     flat = iu * shape[1] + iz
     size = shape[0] * shape[1]
     counts = {}
-    for name, chosen in (("on", c.on_face(band)), ("behind", c.depth > band), ("front", c.depth < -band)):
+    for name, chosen in (("on", c.on_face(band)), ("behind", c.depth > band), ("front", c.depth < -BEFORE * band)):
         counts[name] = np.bincount(flat[chosen], minlength=size).reshape(shape).astype(np.float64)
     near = {k: uniform_filter(v, 3, mode="constant") * 9 for k, v in counts.items()}
     state = np.full(shape, VOID, dtype=np.int8)
@@ -264,24 +266,25 @@ def _refined(
     near_z = near_z if (near_z & rays.behind).any() else (rays.z > z0) & (rays.z < z1)
     whole_z, whole_u = (rays.z > z0) & (rays.z < z1), (rays.u > u0) & (rays.u < u1)
     found = []
-    for k, (inner, outer) in enumerate(brackets):
+    for k, (inner, outer, far) in enumerate(brackets):
         upright = k < 2
         at, across, near, whole = (
             (rays.u, rays.z, near_z, whole_z) if upright else (rays.z, rays.u, near_u, whole_u)
         )
         end, along_edge = (rays.end_u, rays.end_z) if upright else (rays.end_z, rays.end_u)
+        limits = (min(inner, outer) - 2 * cell, max(inner, outer) + 2 * cell)
+        lower, upper = (z0, z1) if upright else (u0, u1)
+        inside = rays.behind & (along_edge > lower) & (along_edge < upper)
+        into = (rays.depth > 0.5 * band) & (rays.depth < thickness) & (along_edge > lower) & (along_edge < upper)
         place = None
         if abs(outer - inner) < (SEEN_CELLS + 0.5) * cell:
             for chosen in (near, whole):
                 place = place or seen_edge(
-                    at, across, rays.on & chosen, rays.behind & chosen, inner, outer, cell, (1.0, -1.0)[k % 2]
+                    at, across, rays.depth, chosen, inner, outer, cell, (1.0, -1.0)[k % 2], band,
+                    partial(reveal_between, end, along_edge, rays.depth, into),
                 )
-        if place is None:
-            limits = (min(inner, outer) - 2 * cell, max(inner, outer) + 2 * cell)
-            lower, upper = (z0, z1) if upright else (u0, u1)
-            inside = rays.behind & (along_edge > lower) & (along_edge < upper)
-            place = reveal_edge(end, along_edge, rays.depth, inside, limits, thickness)
-        found.append(place or hidden_edge(inner, outer, cell))
+        place = place or reveal_edge(end, along_edge, rays.depth, inside, limits, thickness)
+        found.append(place or hidden_edge(inner, outer, far, cell))
     down = down or (found[2].seen and found[2].at - floor < DOOR_SILL_M)
     if down:
         found[2] = EdgePlace(floor, FLOOR_SIGMA_M, True)
@@ -304,8 +307,8 @@ def _clear_of_edges(first: int, last: int) -> slice:
     return slice(first + EDGE_CELLS, last - EDGE_CELLS) if last - first > 4 * EDGE_CELLS else slice(first, last)
 
 
-def _brackets(raster: FaceRaster, rectangle: Rectangle) -> list[tuple[float, float]]:
-    """For each edge the place up to which it is open, and that from which it is solid [m], hidden parts between them."""
+def _brackets(raster: FaceRaster, rectangle: Rectangle) -> list[tuple[float, float, float]]:
+    """For each edge the place up to which it is open, that at which it ends, and that from which it is solid [m]."""
     i0, i1, k0, k1 = rectangle
     hole, solid = raster.state == OPEN, raster.state == SOLID
     jump, pier = max(int(JUMP_M / raster.cell), 1), int(np.ceil(LEAST_PIER_M / raster.cell)) + 1
@@ -317,7 +320,12 @@ def _brackets(raster: FaceRaster, rectangle: Rectangle) -> list[tuple[float, flo
         down, up = bracket(z_hole, z_solid, k0, -1, jump, pier), bracket(z_hole, z_solid, k1 - 1, 1, jump, pier)
         k0, k1 = down[0], up[0] + 1
     c = raster.cell
+
+    def metres(origin: float, lines: tuple[int, int, int], sign: int) -> tuple[float, float, float]:
+        inner, outer, far = lines
+        low = int(sign < 0)
+        return origin + (inner + 1 - low) * c, origin + (outer + low) * c, origin + (far + low) * c
+
     return [
-        (raster.u0 + left[0] * c, raster.u0 + (left[1] + 1) * c), (raster.u0 + (right[0] + 1) * c, raster.u0 + right[1] * c),
-        (raster.z0 + down[0] * c, raster.z0 + (down[1] + 1) * c), (raster.z0 + (up[0] + 1) * c, raster.z0 + up[1] * c),
+        metres(raster.u0, left, -1), metres(raster.u0, right, 1), metres(raster.z0, down, -1), metres(raster.z0, up, 1),
     ]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from ..dimensions.table import dimensions_to_json as rows_to_json
-from .building import ASSUMED, MEASURED, REVEAL, BuiltStorey, Reconstruction
+from .building import ASSUMED, MEASURED, NO_IDS, REVEAL, BuiltStorey, Reconstruction, StoreyIds
 from .dimensions import dimension_rows, dimensions_to_json, room_dimensions
 
 
@@ -36,17 +37,18 @@ def summary_lines(result: Reconstruction) -> list[str]:
     return lines + [f"Note: {w}" for w in result.warnings]
 
 
-def reconstruction_to_json(result: Reconstruction) -> dict[str, Any]:
-    """Metres, scan frame."""
+def reconstruction_to_json(result: Reconstruction, ids: Sequence[StoreyIds] = ()) -> dict[str, Any]:
+    """Metres, scan frame. ``ids``: of what was written (``write_ifc.written_building``)."""
+    given = ids or [NO_IDS] * len(result.storeys)
     return {
         "returns": result.returns, "stations": result.stations, "scans": list(result.scan_paths),
         "seconds": result.timings, "warnings": result.warnings,
-        "storeys": [_storey(s, result.origin.tolist()) for s in result.storeys],
-        "dimensions": rows_to_json(dimension_rows(result)),
+        "storeys": [_storey(s, own, result.origin.tolist()) for s, own in zip(result.storeys, given, strict=True)],
+        "dimensions": rows_to_json(dimension_rows(result, ids)),
     }
 
 
-def _storey(s: BuiltStorey, origin: list[float]) -> dict[str, Any]:
+def _storey(s: BuiltStorey, ids: StoreyIds, origin: list[float]) -> dict[str, Any]:
     x, y, z = origin
 
     def place(p: Any) -> list[float]:
@@ -55,25 +57,33 @@ def _storey(s: BuiltStorey, origin: list[float]) -> dict[str, Any]:
     return {
         "name": s.name, "floor": s.floor + z, "ceiling": s.ceiling + z,
         "rooms": [
-            {"area": r.outline.area, "floor": r.floor + z, "ceiling": r.ceiling + z,
+            {**_named(ids.rooms, k), "area": r.outline.area, "floor": r.floor + z, "ceiling": r.ceiling + z,
              "outline": [place(p) for p in list(r.outline.exterior.coords)[:-1]],
              **dimensions_to_json(room_dimensions(s, r))}
-            for r in s.rooms
+            for k, r in enumerate(s.rooms)
         ],
         "walls": [
-            {"start": place(w.start), "end": place(w.end), "thickness": w.thickness, "base": w.base + z, "top": w.top + z,
+            {**_named(ids.walls, k),
+             "start": place(w.start), "end": place(w.end), "thickness": w.thickness, "base": w.base + z, "top": w.top + z,
              "thickness_source": w.fit.thickness_source, "fit_mean": w.fit.fit_mean, "fit_sigma": w.fit.fit_sigma,
              "position_sigma": w.fit.position_sigma, "quality": w.fit.quality, "external": w.external,
              "lean_rad": w.lean, "lean_sigma_rad": w.lean_sigma, "rooms": list(w.rooms),
              "openings": [
-                 {"kind": o.kind, "from": o.u0, "to": o.u1, "bottom": o.z0 + z, "top": o.z1 + z, "filled": o.filled,
+                 {**_named(ids.openings[k] if ids.openings else (), n),
+                  "kind": o.kind, "from": o.u0, "to": o.u1, "bottom": o.z0 + z, "top": o.z1 + z, "filled": o.filled,
                   "quality": o.quality, "edge_sigma": list(o.edge_sigma), "hidden_edges": list(o.hidden),
                   "foot_hidden": o.foot_hidden}
-                 for o in w.openings
+                 for n, o in enumerate(w.openings)
              ]}
-            for w in s.walls
+            for k, w in enumerate(s.walls)
         ],
         "columns": [
-            {"outline": [place(p) for p in list(c.footprint.exterior.coords)[:-1]], "radius": c.radius} for c in s.columns
+            {**_named(ids.columns, k), "outline": [place(p) for p in list(c.footprint.exterior.coords)[:-1]],
+             "radius": c.radius}
+            for k, c in enumerate(s.columns)
         ],
     }  # fmt: skip
+
+
+def _named(ids: Sequence[str], k: int) -> dict[str, str]:
+    return {"global_id": ids[k]} if ids else {}

@@ -14,7 +14,7 @@ from shapely.geometry.polygon import orient
 
 from ... import __version__
 from ..files import whole_file
-from .building import BuiltSlab, BuiltStorey, BuiltWall, FitRecord, Reconstruction
+from .building import BuiltSlab, BuiltStorey, BuiltWall, FitRecord, Reconstruction, StoreyIds
 from .openings import Opening
 from .shapes import HIDDEN_EDGES, PSET_NAME
 
@@ -47,9 +47,14 @@ def write_building_file(path: str | Path, file: Any, name: str = "") -> None:
 
 def building_file(result: Reconstruction) -> Any:
     """The ``ifcopenshell.file`` in memory."""
+    return written_building(result)[0]
+
+
+def written_building(result: Reconstruction) -> tuple[Any, list[StoreyIds]]:
+    """The same, and the GlobalIds that were given to what each storey holds."""
     writer = _Writer(result)
     writer.build()
-    return writer.file
+    return writer.file, [writer.ids(storey, made) for storey, made in zip(result.storeys, writer.made, strict=True)]
 
 
 class _Writer:
@@ -61,6 +66,8 @@ class _Writer:
 
         self.api: Any = ifcopenshell.api
         self.result = result
+        self.made: list[dict[str, list[Any]]] = []
+        """Of each storey its products: rooms, walls, openings (of all walls, in their order), columns."""
         self.file: Any = self.api.project.create_file("IFC4")
         f = self.file
         self.project = self.api.root.create_entity(f, "IfcProject", name="Reconstruction")
@@ -93,14 +100,24 @@ class _Writer:
             name = f"{number} {self.result.returns} {self.result.origin.tolist()}"
             root.GlobalId = ifcopenshell.guid.compress(uuid.uuid5(NAMESPACE, name).hex)
 
+    @staticmethod
+    def ids(built: BuiltStorey, made: dict[str, list[Any]]) -> StoreyIds:
+        """GlobalIds of a storey's products."""
+        rooms, walls, holes, columns = ([p.GlobalId for p in made[k]] for k in ("rooms", "walls", "openings", "columns"))
+        rest = iter(holes)
+        openings = tuple(tuple(next(rest) for _ in wall.openings) for wall in built.walls)
+        return StoreyIds(tuple(rooms), tuple(walls), openings, tuple(columns))
+
     def _storey(self, built: BuiltStorey) -> Any:
         f = self.file
         storey = self.api.root.create_entity(f, "IfcBuildingStorey", name=built.name)
         storey.Elevation = float(built.floor + self.result.origin[2])
         elevation = float(built.floor + self.result.origin[2])
         place = self._place(storey, self.building_place, np.array([0.0, 0.0, elevation]))
-        contained, spaces = [], []
-        walls = []
+        contained = []
+        made: dict[str, list[Any]] = {"rooms": [], "walls": [], "openings": [], "columns": []}
+        self.made.append(made)
+        walls, spaces = made["walls"], made["rooms"]
         for number, wall in enumerate(built.walls, start=1):
             product, parts = self._wall(wall, f"Wall {number}", place, built.floor)
             walls.append(product)
@@ -111,6 +128,7 @@ class _Writer:
             profile = self._circle(centre.x, centre.y, column.radius) if column.radius else self._profile(column.footprint)
             self._body(product, self._extrude(profile, column.base - built.floor, column.top - column.base))
             self._pset(product, column.fit)
+            made["columns"].append(product)
             contained.append(product)
         for slab in built.slabs:
             contained.append(self._slab(slab, place, built.floor))
@@ -170,6 +188,7 @@ class _Writer:
         self._body(hole, self._extrude(self._rectangle(0.0, opening.width, 0.0, deep), 0.0, opening.height))
         f.create_entity("IfcRelVoidsElement", GlobalId=_new(), RelatingBuildingElement=host, RelatedOpeningElement=hole)
         self._opening_pset(hole, wall, opening)
+        self.made[-1]["openings"].append(hole)
         if opening.kind == "opening":
             return None
         door = opening.kind == "door"

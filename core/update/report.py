@@ -32,6 +32,6 @@ def write_update_report(folder: str | Path, result: UpdateResult, model: str, un
                 columns=("Element", "Class", "GlobalId", "X mm", "Y mm", "Z mm", "Distance mm"),
             ))  # fmt: skip
     if result.notes:
-        sections.append(Section("Not moved", columns=("Why",), rows=[(note,) for note in result.notes]))
+        sections.append(Section("Notes", columns=("Note",), rows=[(note,) for note in result.notes]))
     headline = update_lines(result, undo)[0]
     return write_page(folder, "Update", "The model moved to what was built", headline, [("Model", Path(model).name)], sections)

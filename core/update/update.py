@@ -80,6 +80,7 @@ def update_file(file: Any) -> UpdateResult:
     for row, shift in own.items():
         for opening in _openings_of_filling(file.by_id(row)):
             shifts[opening.id()], follows[opening.id()] = shift, file.by_id(row).GlobalId
+    notes += _confirmed_followers(file, follows)
     changed = move(file, shifts)
     done = {c.product.id() for c in changed}
     rest = [file.by_id(row) for row in shifts if row not in done]
@@ -95,7 +96,7 @@ def undo_file(file: Any) -> UpdateResult:
     """Take back, in the world, how far everything that carries ``BimVerify_Update`` was moved, and remove that set.
 
     What hangs on it goes along, as it does for an edit, unless it carries the set itself. Placements may hang on others
-    than at the time of the update.
+    than at the time of the update. Verdicts that were found after the update are of the other place, and are removed.
     """
     import ifcopenshell.api.pset
     import ifcopenshell.util.unit
@@ -103,7 +104,10 @@ def undo_file(file: Any) -> UpdateResult:
     unit = float(ifcopenshell.util.unit.calculate_unit_scale(file))
     shifts: dict[int, Vector] = {}
     updates, notes = [], []
-    for product, values in list(_with_set(file, PSET_NAME)):
+    records = list(_with_set(file, PSET_NAME))
+    anew = any(_verified_anew(product, values) for product, values in records)
+    dropped = 0
+    for product, values in records:
         moved = _vector(values, "Moved")
         if moved is None:
             continue
@@ -114,11 +118,38 @@ def undo_file(file: Any) -> UpdateResult:
         pset = own_set(file, product, PSET_NAME)
         if pset is not None:
             ifcopenshell.api.pset.remove_pset(file, product=product, pset=pset)
+        verdict = own_set(file, product, VERIFICATION) if anew and moved.any() else None
+        if verdict is not None:
+            ifcopenshell.api.pset.remove_pset(file, product=product, pset=verdict)
+            dropped += 1
         updates.append(_update(product, str(values.get("Kind", OWN)), -moved * unit))
+    if dropped:
+        notes.append(
+            f"{dropped} verdicts were found after the update, at the other place, and were removed; verify the model again."
+        )
     if not updates:
         raise BimVerifyError(f"The model carries no property set {PSET_NAME}, so there is nothing to undo.")
     move(file, with_what_hangs_on_it(file, shifts))
     return UpdateResult(tuple(updates), tuple(notes))
+
+
+def _verified_anew(product: Any, record: dict[str, Any]) -> bool:
+    """Whether the verification of a product that was moved is another one than that which it was moved by."""
+    applied, found = _vector(record, "Applied"), _verification_of(product)
+    if applied is None or not found:
+        return False
+    shift = _vector(found, "Displacement", missing=0.0)
+    return shift is None or not np.allclose(applied, shift, rtol=SAME_SHIFT, atol=0.0)
+
+
+def _confirmed_followers(file: Any, follows: dict[int, str]) -> list[str]:
+    """A note on what was found at its planned place and goes along all the same."""
+    own = [file.by_id(row) for row in follows]
+    names = [p.Name or p.GlobalId for p in own if _verification_of(p).get("Status") == "CONFIRMED"]
+    if not names:
+        return []
+    told = ", ".join(names[:3]) + (" and others" if len(names) > 3 else "")
+    return [f"CONFIRMED at their place, and moved along with what they belong to: {told}. Verify the model again."]
 
 
 def update_lines(result: UpdateResult, undo: bool = False) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from bim_verify.core.planes.noise import PointNoise
 from bim_verify.core.reconstruction.building import BuiltRoom, BuiltStorey, BuiltWall, FitRecord, FittedFace, Reconstruction
 from bim_verify.core.reconstruction.crossings import Crossings
 from bim_verify.core.reconstruction.dimensions import room_dimensions
-from bim_verify.core.reconstruction.opening_edges import reveal_edge
+from bim_verify.core.reconstruction.opening_edges import hidden_edge, reveal_between, reveal_edge, seen_edge
 from bim_verify.core.reconstruction.opening_fill import reveal_depth
 from bim_verify.core.reconstruction.openings import Opening, face_raster, find_openings
 from bim_verify.core.reconstruction.report import write_reconstruction_report
@@ -155,6 +156,47 @@ def test_the_end_of_a_leaf_that_stands_open_is_no_wall(before_face: float) -> No
     openings = find_openings(face_raster([side], (0.0, 4.0), (0.0, 2.6), BAND), [side], 0.0, 0.12, BAND, False)
     assert [o.hidden for o in openings] == [()]
     assert (openings[0].u0, openings[0].u1) == pytest.approx(DOOR[:2], abs=0.01)
+
+
+def test_a_leaf_before_the_face_and_within_its_band_is_not_the_edge_where_the_other_side_sees_through() -> None:
+    """The leaf hides the frame beside it, and a little of the reveal is seen; its end lies 1 cm before the face."""
+    near, far = rays(None, DOOR), rays(None, DOOR)
+    hidden = (near.u > DOOR[0] + 0.012) & (near.u < DOOR[0] + 0.05) & (near.z < DOOR[3])
+    leaf = (near.u > DOOR[0] + 0.05) & (near.u < DOOR[0] + 0.09) & (near.z > 0.01) & (near.z < DOOR[3] - 0.05)
+    near.depth[hidden] = -0.5
+    near.depth[(near.u > DOOR[0]) & (near.u < DOOR[0] + 0.012) & (near.z < DOOR[3])] = 0.008
+    near.depth[leaf] = np.random.default_rng(2).normal(-0.01, 0.002, int(leaf.sum()))
+    openings = find_openings(face_raster([near, far], (0.0, 4.0), (0.0, 2.6), BAND), [near, far], 0.0, 0.12, BAND, False)
+    assert [(o.u0, o.u1) for o in openings] == [pytest.approx(DOOR[:2], abs=0.012)]
+
+
+@pytest.mark.parametrize("visible", [True, False])
+def test_edges_hold_within_their_sigma_with_a_coarse_grid(visible: bool) -> None:
+    """Columns of rays 15 mm apart, alike in all strips: only a reveal, where it is seen, tells more than the gap."""
+    rng = np.random.default_rng(7)
+    off = []
+    for _ in range(60):
+        edge = 1.0 + rng.uniform(0.0, 0.015)
+        u, z = (v.ravel() for v in np.meshgrid(np.arange(0.5, 1.5, 0.015), np.arange(0.0, 2.0, 0.015)))
+        depth, end = np.where(u < edge, rng.normal(0.0, 0.002, len(u)), 3.0), u.copy()
+        if visible:
+            on = (u > edge) & (u < edge + 0.06)
+            depth[on], end[on] = 2.0 * (u[on] - edge), edge + rng.normal(0.0, 0.001, int(on.sum()))
+        at = np.where(np.abs(depth) <= BAND, end, u)
+        place = seen_edge(
+            at, z, depth, np.ones(len(u), dtype=np.bool_), edge + 0.02, edge - 0.02, 0.02, 1.0, BAND,
+            partial(reveal_between, end, z, depth, depth > 0.5 * BAND),
+        )
+        assert place is not None and place.sigma < (0.0015 if visible else 0.006)
+        off.append(abs(place.at - edge) < 1.96 * place.sigma)
+    assert np.mean(off) > 0.9
+
+
+def test_an_edge_behind_which_the_wall_is_open_again_may_lie_as_far_as_wall_is_seen() -> None:
+    place = hidden_edge(1.0, 1.4, 2.4, 0.02)
+    assert place.at == pytest.approx(1.2) and not place.seen
+    assert place.sigma > 0.5
+    assert hidden_edge(1.0, 0.6, 0.6, 0.0).sigma == pytest.approx(0.4 / np.sqrt(12))
 
 
 def test_an_open_leaf_is_no_reveal() -> None:

@@ -109,6 +109,11 @@ def test_the_table_of_dimensions_has_every_room(built: tuple[Path, Path]) -> Non
     kinds = {r["What"].split()[0] for r in rooms}
     tests = {"plumb", "orthogonality", "parallelism", "flatness"}
     assert kinds == tests | {"width", "height", "vertex", "edge", "lean", "slope", "unevenness"}
+    written = ifcopenshell.open(str(built[0]))
+    assert {r["GlobalId"] for r in rooms} == {s.GlobalId for s in written.by_type("IfcSpace")}
+    holes = {o.GlobalId: o for o in written.by_type("IfcOpeningElement")}
+    for row in (r for r in rows if "room" not in r["Where"]):
+        assert holes[row["GlobalId"]].VoidsElements[0].RelatingBuildingElement.Name.lower() == row["Between"]
     widths = [float(r["AsBuilt_mm"]) for r in rooms if r["What"] == "width"]
     heights = [r for r in rooms if r["What"] == "height"]
     assert len(heights) == 4 and all(abs(float(r["AsBuilt_mm"]) - 1000 * flat().height) < 3.0 for r in heights)

@@ -202,6 +202,23 @@ def test_projections_and_coverings_follow_and_so_does_a_whole_of_which_all_parts
         np.testing.assert_allclose(world(things[name]), place, atol=1e-6, err_msg=name)
 
 
+def test_what_was_found_at_the_other_place_does_not_stay_on_what_is_put_back() -> None:
+    made, things = room()
+    column, door = things["column"], things["door"]
+    found_displaced(made.file, column, SHIFT)
+    found_displaced(made.file, things["partition"], SHIFT)
+    found_displaced(made.file, door, 0.0 * SHIFT, status="CONFIRMED")
+    (note,) = update_file(made.file).notes
+    assert "door" in note and "CONFIRMED" in note
+    kept = ifcopenshell.file.from_string(made.file.to_string())
+    assert undo_file(kept).notes == ()
+    assert all(VERIFICATION in ifcopenshell.util.element.get_psets(kept.by_guid(p.GlobalId)) for p in (column, door))
+    found_displaced(made.file, column, 0.0 * SHIFT, status="CONFIRMED")  # verified anew where it was moved to
+    (note,) = undo_file(made.file).notes
+    assert "removed" in note
+    assert all(VERIFICATION not in ifcopenshell.util.element.get_psets(p) for p in (column, door))
+
+
 def test_nothing_to_do_is_said() -> None:
     made, _ = room()
     with pytest.raises(BimVerifyError, match="verify"):
