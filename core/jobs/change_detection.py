@@ -24,7 +24,7 @@ from ..change.planned import Planned, parse_date, read_planned
 from ..change.progress import expected_state, group_progress, judge, standing_ratio
 from ..change.results import ChangeResult, ElementChange, EpochRecord, VoxelCounts
 from ..change.solids import SolidVoxels, fitting_edge, voxelise
-from ..change.voxels import Universe, compare, count_states, universe, voxel_cloud
+from ..change.voxels import Universe, compare, count_states, held_voxels, universe, voxel_cloud
 from ..errors import BimVerifyError
 from ..evidence.collect import StationIndexes
 from ..model.elements import BuildingModel
@@ -170,6 +170,9 @@ def _compare(
             replace(e, expected=p.expected, agrees=p.agrees, progress=p.progress, standing_ratio=p.standing_ratio)
             for e, p in zip(_elements(model, solids, both, now.sight, before.sight, plans, day), planned_now, strict=True)
         )
+    remaining = tuple(
+        n for n, e in enumerate(planned_now) if e.state == "PARTIAL" and not e.moved and e.disappeared_ratio > 0
+    )
     cloud = voxel_cloud(world, state, anything, gone.cells)
     named = [(v.name, o) for v, o in zip(views, seen, strict=True)]
     clusters, left_out = find_clusters(
@@ -189,9 +192,7 @@ def _compare(
         groups=series[-1], voxels=cloud,
         voxel_counts=_voxel_counts(world, views, seen, state, anything | gone.cells, with_model, has_reference),
         anchor=(float(anchor[0]), float(anchor[1]), float(anchor[2])),
-        remaining=tuple(
-            n for n, e in enumerate(planned_now) if e.state == "PARTIAL" and not e.moved and e.disappeared_ratio > 0
-        ),
+        remaining=remaining, surfaces=held_voxels(world, [n for n in remaining if solids.by_surface[n]]),
         method=f"bim_verify {__version__} occupancy", timings=watch.seconds,
         warnings=tuple(_warnings(model, edge, options, views, has_reference, undated, left_out)),
     )

@@ -118,9 +118,13 @@ def remaining_volume(result: ChangeResult, row: int) -> float:
 
 def _remaining_voxels(result: ChangeResult, row: int) -> tuple[NDArray[np.int64], VoxelBox, float]:
     """Sorted numbers of the voxels that are left, their box, and their share of the planned ones."""
-    solid, box = solid_voxels_of(result.model, result.edge, row)
-    cloud = result.voxels
-    gone = np.sort(box.code(cloud.index[(cloud.element == row) & cloud.absent]))
+    surface = result.surfaces.get(row)
+    if surface is None or not len(surface):
+        solid, box = solid_voxels_of(result.model, result.edge, row)
+    else:
+        box = VoxelBox.around(surface.min(axis=0), surface.max(axis=0))
+        solid = np.sort(box.code(surface))
+    gone = np.sort(box.code(box.part(result.voxels.index[result.voxels.absent])))  # whosever they are
     left = solid[np.concatenate([~_among(gone, part) for part in _parts(solid)] or [np.ones(0, np.bool_)])]
     return left, box, len(left) / max(len(solid), 1)
 
