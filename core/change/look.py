@@ -34,6 +34,7 @@ from .left_place import PlannedPlaces
 from .overlap import ABSENT_OVERLAP, overlap
 from .own_evidence import OwnEvidence, find_touching, own_evidence, shows_standing
 from .parts import Parts
+from .rival import rival
 from .shared_surface import find_shared
 from .turned_surface import find_turned
 from .verdict import verdict
@@ -130,6 +131,11 @@ def look_at_elements(
     planned = PlannedPlaces.of(
         found.seen, origins, found.samples, scene, surfaces, window, registration_sigma, len(model.elements)
     )
+    best_places = [
+        best if best is not plan
+        else rival(plan, found.tried.get(row, ()), planned, row, tolerance, thresholds) or plan
+        for row, (plan, best) in enumerate(zip(found.plans, found.best, strict=True))
+    ]
     known_gone = np.zeros(len(model.elements), np.bool_)
     for _ in range(2):  # what is gone shares its surface with nobody
         others, either = touching.split(known_gone)
@@ -141,7 +147,7 @@ def look_at_elements(
         elements = tuple(
             _sight(model, row, plan, best, float(exposed[row]), tolerance, context, own,
                    shared.main_partner(row, known_gone), planned)
-            for row, (plan, best) in enumerate(zip(found.plans, found.best, strict=True))
+            for row, (plan, best) in enumerate(zip(found.plans, best_places, strict=True))
         )
         known_gone = np.array([e.seen in ("GONE", "MOVED") for e in elements])
     return EpochSight(elements, registration_sigma, context.see_through, tolerance)
@@ -170,7 +176,9 @@ def _sight(
         if slid or left.passed:
             return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.", best)
         stays = overlap(model, row, best.fit.vector) > ABSENT_OVERLAP
-        stands_there = shows_standing(left.at, left.through + left.stopped, t.present_share)
+        stands_there = shows_standing(left.at, left.through + left.stopped, t.present_share) or shows_standing(
+            *planned.strip(row, best.fit.vector), t.absent_share
+        )
         if stays and not stands_there and left.should_be_seen(t.present_share):
             return sight("MOVED", f"It stands {1000 * length:.0f} mm before its planned place, which it hides.", best)
         if not stands_there:
