@@ -55,9 +55,10 @@ class BIMVERIFY_OT_export_change(FileJob[str], bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Work[str]:
         from ...core.change.psets import write_changed_ifc
-        from ...core.report.change_files import change_to_json, write_remaining, write_voxels
+        from ...core.report.change_files import change_to_json, write_voxels
         from ...core.report.change_page import write_change_report
         from ...core.report.json_out import write_document
+        from ...core.report.remaining import write_remaining
 
         if not self.filepath:
             raise BimVerifyError("No folder was given. Choose where to write.")

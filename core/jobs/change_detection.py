@@ -20,7 +20,7 @@ from ..change.clusters import find_clusters
 from ..change.decide import element_state, ratios
 from ..change.look import EpochSight, look_at_elements, sensor_model
 from ..change.parts import Parts, read_parts
-from ..change.planned import Planned, parse_date, read_planned
+from ..change.planned import Planned, parse_date, read_planned, reversed_tasks
 from ..change.progress import expected_state, group_progress, judge, standing_ratio
 from ..change.results import ChangeResult, ElementChange, EpochRecord, VoxelCounts
 from ..change.solids import SolidVoxels, fitting_edge, voxelise
@@ -75,7 +75,7 @@ def change(
         solids = voxelise(model, grid, progress.part(0.08, 0.15))
         watch.lap("solids")
         samples = sample_surface(model, options.sample_spacing, scene=(scene := RayScene(model)), cache=options.cache)
-        plans, parts = _stated(model)
+        plans, parts, wrong_tasks = _stated(model)
         watch.lap("query positions")
         campaigns = [*([reference] if reference is not None else []), *epochs]
         names = [*(["reference"] if reference is not None else []), *_names(len(epochs))]
@@ -114,7 +114,7 @@ def change(
         progress.update(0.92, "Comparing")
         result = _compare(model, solids, world, views, seen, reference is not None, plans, options, watch)
         watch.lap("comparison")
-        return result
+        return replace(result, warnings=(*result.warnings, *wrong_tasks))
 
 
 @dataclass(frozen=True)
@@ -251,14 +251,16 @@ def _shift(now: Any, before: Any) -> float | None:
     return float(np.linalg.norm(np.array(now.shift) - np.array(before.shift)))
 
 
-def _stated(model: BuildingModel) -> tuple[tuple[Planned, ...], Parts]:
-    """What the file says of each element beside its shape: when it is to stand, and what it is a part of."""
+def _stated(model: BuildingModel) -> tuple[tuple[Planned, ...], Parts, tuple[str, ...]]:
+    """What the file says of each element beside its shape: when it is to stand, and what it is a part of; and what is wrong
+    with its tasks."""
     if not model.path or not Path(model.path).exists():
-        return tuple(Planned() for _ in model.elements), frozenset()
+        return tuple(Planned() for _ in model.elements), frozenset(), ()
     file = open_ifc(model.path)
     return (
         read_planned(file, [(e.step_id, e.global_id) for e in model.elements]),
         read_parts(file, [e.step_id for e in model.elements]),
+        tuple(reversed_tasks(file)),
     )
 
 

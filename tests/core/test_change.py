@@ -31,9 +31,10 @@ from bim_verify.core.model.on_element import ElementSurfaces
 from bim_verify.core.model.sample_surface import sample_surface
 from bim_verify.core.occupancy.grid import VoxelGrid
 from bim_verify.core.options import ChangeOptions
-from bim_verify.core.report.change_files import change_to_json, changes_csv, remaining_mesh, write_voxels
+from bim_verify.core.report.change_files import change_to_json, changes_csv, write_voxels
 from bim_verify.core.report.change_page import render_change_page
 from bim_verify.core.report.change_views import voxel_views
+from bim_verify.core.report.remaining import remaining_mesh
 from bim_verify.core.scans.campaign import Station
 from bim_verify.core.sensing.loa import supported_level
 from bim_verify.core.simulation.box_building import ArraySource, box, building_model

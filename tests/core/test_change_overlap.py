@@ -11,7 +11,7 @@ from bim_verify.core.change.solids import voxelise
 from bim_verify.core.jobs import change
 from bim_verify.core.occupancy.grid import VoxelGrid
 from bim_verify.core.options import ChangeOptions
-from bim_verify.core.report.change_files import remaining_mesh, remaining_volume
+from bim_verify.core.report.remaining import remaining_mesh, remaining_volume
 
 from . import verify_data
 from .test_change_parts import mesh_volume
