@@ -139,9 +139,9 @@ def test_a_part_of_what_is_new_is_partial_and_all_of_it_that_stands_is_new() -> 
 
 
 def test_a_sheet_thinner_than_a_voxel_has_a_remaining_shape(tmp_path: Path) -> None:
-    """Half of a ceiling of 20 mm in voxels of 100 mm, none of which has its middle in it."""
+    """Half of a ceiling of 20 mm in voxels of 50 mm, none of which has its middle in it."""
     part = {"ceiling": (((0.0, 0.0, 2.7), (3.0, 4.0, 2.72)),)}
-    result = change(house(), [scan(built({}, (), part), seed=6)], None, dataclasses.replace(OPTIONS, voxel=0.1))
+    result = change(house(), [scan(built({}, (), part), seed=6)], None, dataclasses.replace(OPTIONS, voxel=0.05))
     row = list(PLAN).index("ceiling")
     assert row in result.remaining and row in result.surfaces
     vertices, quads = remaining_mesh(result, row)
