@@ -9,14 +9,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..evidence.decide import Place
-from ..evidence.thresholds import Thresholds
+from ..evidence.decide import Context, Place
+from ..evidence.search import MOST_AXES
+from ..evidence.sightings import SEARCH_M
 from .left_place import PlannedPlaces
-from .own_evidence import shows_gone
+from .own_evidence import shows_gone, shows_standing
+
+
+def fits_beyond_chance(share: float, rays: int, context: Context) -> bool:
+    """Whether an element fits a place, with this share of so many rays, more than one of many places does by chance."""
+    t = context.thresholds
+    tried = 2 * MOST_AXES * SEARCH_M / (1.5 * context.window)
+    at = round(share * rays)
+    return share >= t.present_share and shows_standing(at, rays - at, t.absent_share, tried)
 
 
 def rival(
-    plan: Place, tried: Sequence[Place], planned: PlannedPlaces, row: int, tolerance: float, t: Thresholds
+    plan: Place, tried: Sequence[Place], planned: PlannedPlaces, row: int, tolerance: float, context: Context
 ) -> Place | None:
     """Of the places that were ``tried`` for element ``row``, the one that explains most of it, if it explains no less than the
     plan, and few beams return from its planned faces across the shift, against those that the place stops.
@@ -24,11 +33,11 @@ def rival(
     found = None
     for place in tried:
         shift = place.fit.vector
-        if not len(place.fit.determined) or np.linalg.norm(shift) <= tolerance or place.share < t.present_share:
+        if not len(place.fit.determined) or np.linalg.norm(shift) <= tolerance:
             continue
-        if place.at < (plan if found is None else found).at:
+        if place.at < (found or plan).at or not fits_beyond_chance(place.share, place.rays, context):
             continue
         across = planned.left(row, shift, 0)
-        if shows_gone(across.at, across.stopped + across.stopped_anyway, t.present_share):
+        if shows_gone(across.at, across.stopped + across.stopped_anyway, context.thresholds.present_share):
             found = place
     return found
