@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..evidence.decide import Context, Place
+from ..evidence.decide import Context, Place, enough_seen
 from ..evidence.search import MOST_AXES
 from ..evidence.sightings import SEARCH_M
 from .left_place import PlannedPlaces
@@ -27,17 +27,22 @@ def fits_beyond_chance(share: float, rays: int, context: Context) -> bool:
 def rival(
     plan: Place, tried: Sequence[Place], planned: PlannedPlaces, row: int, tolerance: float, context: Context
 ) -> Place | None:
-    """Of the places that were ``tried`` for element ``row``, the one that explains most of it, if it explains no less than the
-    plan, and few beams return from its planned faces across the shift, against those that the place stops.
+    """Of the places that were ``tried`` for an element ``row`` that seems to stand, the one that explains most of it, if it
+    explains no less than the plan, and few beams return from its planned faces across the shift, against those that the place
+    stops.
     """
-    found = None
+    found, t = None, context.thresholds
+    if plan.share < t.present_share:
+        return None
     for place in tried:
         shift = place.fit.vector
         if not len(place.fit.determined) or np.linalg.norm(shift) <= tolerance:
             continue
         if place.at < (found or plan).at or not fits_beyond_chance(place.share, place.rays, context):
             continue
+        if not enough_seen(place, (place.at + place.beyond) / max(place.exposed, 1e-12), t):
+            continue
         across = planned.left(row, shift, 0)
-        if shows_gone(across.at, across.stopped + across.stopped_anyway, context.thresholds.present_share):
+        if shows_gone(across.at, across.stopped + across.stopped_anyway, t.present_share):
             found = place
     return found
