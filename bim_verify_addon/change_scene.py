@@ -133,7 +133,7 @@ def _outward(vertices: NDArray[np.float64], quads: NDArray[np.int64]) -> NDArray
 
 def _show_voxels(target: bpy.types.Scene, result: ChangeResult) -> None:
     """New and gone voxels as surfaces; the others as points, hidden at first: they fill the building and the rooms."""
-    from ..core.report.change_files import voxel_skin
+    from ..core.report.voxel_skin import voxel_skin
 
     _remove_voxels(target)
     place = frame.stored(target) or frame.ViewFrame()

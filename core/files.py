@@ -21,6 +21,8 @@ class _Together:
     files: list[tuple[Path, Path]] = field(default_factory=list)
     """Temporary path, target."""
     folders: list[Path] = field(default_factory=list)
+    obsolete: list[Path] = field(default_factory=list)
+    """Files of an earlier run, to be removed when all are in their places."""
 
     def commit(self) -> None:
         """Rename all into place; when one cannot be, put back what was there before."""
@@ -42,10 +44,9 @@ class _Together:
             if isinstance(error, OSError):
                 raise _cannot_write(target, error) from error
             raise
-        for _, before in done:
-            if before is not None:
-                with contextlib.suppress(OSError):
-                    before.unlink()
+        for old in (*(before for _, before in done if before is not None), *self.obsolete):
+            with contextlib.suppress(OSError):
+                old.unlink()
         self.folders.clear()
 
     def clear(self) -> None:
@@ -107,6 +108,16 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         if temporary.name:
             with contextlib.suppress(OSError):
                 temporary.unlink()
+
+
+def remove_file(path: Path) -> None:
+    """Remove a file of an earlier run; inside ``all_or_none`` when the outputs are in their places, and only then."""
+    pending = _together.get()
+    if pending is not None:
+        pending.obsolete.append(path)
+        return
+    with contextlib.suppress(OSError):
+        path.unlink()
 
 
 def make_folder(path: str | Path) -> Path:

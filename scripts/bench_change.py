@@ -29,7 +29,7 @@ from bim_verify.core.jobs import change
 from bim_verify.core.model.elements import BuildingModel
 from bim_verify.core.model.load import load_model
 from bim_verify.core.options import ChangeOptions
-from bim_verify.core.report.change_files import remaining_volume
+from bim_verify.core.report.remaining import remaining_volume
 from bim_verify.core.simulation.campaign import Campaign, make_campaign, write_campaign
 from bim_verify.core.simulation.cut import element_corners, removed_share
 from bim_verify.core.simulation.scanner import PRESETS

@@ -47,9 +47,10 @@ class BIMVERIFY_OT_export_change(ResultFolder, bpy.types.Operator):
 
     def parts(self, found: ChangeResult) -> list[Part]:
         from ...core.change.psets import write_changed_ifc
-        from ...core.report.change_files import change_to_json, write_remaining, write_voxels
+        from ...core.report.change_files import change_to_json, write_voxels
         from ...core.report.change_page import write_change_report
         from ...core.report.json_out import write_document
+        from ...core.report.remaining import write_remaining
 
         parts: list[Part] = []
         if self.model:

@@ -59,7 +59,9 @@ def amounts(
     count = np.zeros((elements, 32), np.int64)
     nothing = np.zeros(now.cells.shape, np.bool_)
     was, was_deep = (nothing, nothing) if then is None else (then.cells, then.deep)
-    _count(world.element, world.planned, now.cells, now.deep, was, was_deep, epoch.state == OCCUPIED, count)
+    rows = np.arange(len(world.element), dtype=np.int32)
+    for of, bricks in ((world.element, rows), (world.further.element, world.further.brick)):
+        _count(of, bricks, world.planned, now.cells, now.deep, was, was_deep, epoch.state == OCCUPIED, count)
     code = np.arange(32)
     n, d, t, e, s = ((code >> bit & 1).astype(bool) for bit in range(5))
     planned, gone, left, returned, kept, thick, thick_then, seen_new, seen_kept = (
@@ -77,14 +79,16 @@ def amounts(
 
 @njit(cache=True, nogil=True)
 def _count(
-    element: NDArray[np.int16], planned: NDArray[np.bool_], now: NDArray[np.bool_], deep_now: NDArray[np.bool_],
-    then: NDArray[np.bool_], deep_then: NDArray[np.bool_], surface: NDArray[np.bool_], out: NDArray[np.int64],
+    element: NDArray[np.int16], brick: NDArray[np.int32], planned: NDArray[np.bool_], now: NDArray[np.bool_],
+    deep_now: NDArray[np.bool_], then: NDArray[np.bool_], deep_then: NDArray[np.bool_], surface: NDArray[np.bool_],
+    out: NDArray[np.int64],
 ) -> None:
-    """Planned voxels of each element by the five flags, the first one the lowest bit."""
-    for row in range(len(element)):
+    """Planned voxels of each element by the five flags, the first one the lowest bit; ``element`` (N, 512) of bricks (N,)."""
+    for n in range(len(element)):
+        row = brick[n]
         for cell in range(CELLS):
-            if planned[row, cell]:
-                out[element[row, cell], (
+            if planned[row, cell] and element[n, cell] >= 0:
+                out[element[n, cell], (
                     now[row, cell] | deep_now[row, cell] << 1 | then[row, cell] << 2 | deep_then[row, cell] << 3
                     | surface[row, cell] << 4
                 )] += 1

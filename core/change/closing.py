@@ -12,6 +12,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from ..occupancy.epoch import OCCUPIED, Observation
+from .holders import all_in, share_one
 from .results import DISAPPEARED, NOTHING
 from .voxels import Universe, deep
 
@@ -30,10 +31,11 @@ def close_gone(world: Universe, epoch: Observation, state: NDArray[np.uint8]) ->
     around = world.table.around()
     near = np.flatnonzero(np.isin(around, np.flatnonzero(seed.any(axis=1))).any(axis=1)).astype(np.int64)
     may = np.zeros(state.shape, np.bool_)
-    _fillable(near, around, world.element, world.planned, epoch.state == OCCUPIED, gone, may)
+    first, further = world.further.first, world.further.element
+    _fillable(near, around, world.element, first, further, world.planned, epoch.state == OCCUPIED, gone, may)
     for _ in range(STEPS):
         more = seed.copy()
-        _spread(near, around, world.element, may, seed, more)
+        _spread(near, around, world.element, first, further, may, seed, more)
         seed = more
     state[seed & (state != NOTHING)] = DISAPPEARED
 
@@ -48,23 +50,25 @@ def _place(around: NDArray[np.int32], row: int, i: int, j: int, k: int) -> tuple
 
 @njit(cache=True, nogil=True)
 def _touches_another(
-    around: NDArray[np.int32], element: NDArray[np.int16], planned: NDArray[np.bool_], row: int, i: int, j: int, k: int,
-    own: int,
+    around: NDArray[np.int32], element: NDArray[np.int16], first: NDArray[np.int64], further: NDArray[np.int16],
+    planned: NDArray[np.bool_], row: int, i: int, j: int, k: int, own: int,
 ) -> bool:
-    """Whether a voxel of another element's solid lies within CONTACT; (i, j, k) may lie in the brick beside ``row``."""
+    """Whether a voxel of a solid that does not hold cell ``own`` of the brick lies within CONTACT of (i, j, k), which may lie
+    in the brick beside."""
     for a in range(-CONTACT, CONTACT + 1):
         for b in range(-CONTACT, CONTACT + 1):
             for c in range(-CONTACT, CONTACT + 1):
                 there, cell = _place(around, row, i + a, j + b, k + c)
-                if there >= 0 and planned[there, cell] and element[there, cell] != own:
+                if there >= 0 and planned[there, cell] and not all_in(there, cell, row, own, element, first, further):
                     return True
     return False
 
 
 @njit(cache=True, nogil=True, parallel=True)
 def _fillable(
-    near: NDArray[np.int64], around: NDArray[np.int32], element: NDArray[np.int16], planned: NDArray[np.bool_],
-    occupied: NDArray[np.bool_], gone: NDArray[np.bool_], may: NDArray[np.bool_],
+    near: NDArray[np.int64], around: NDArray[np.int32], element: NDArray[np.int16], first: NDArray[np.int64],
+    further: NDArray[np.int16], planned: NDArray[np.bool_], occupied: NDArray[np.bool_], gone: NDArray[np.bool_],
+    may: NDArray[np.bool_],
 ) -> None:
     for n in prange(len(near)):
         row = near[n]
@@ -74,7 +78,6 @@ def _fillable(
             if gone[row, cell]:
                 may[row, cell] = True
                 continue
-            own = element[row, cell]
             i, j, k = cell >> 6, (cell >> 3) & 7, cell & 7
             free = True
             for a in range(-1, 2):
@@ -82,16 +85,18 @@ def _fillable(
                     for c in range(-1, 2):
                         there, other = _place(around, row, i + a, j + b, k + c)
                         if free and there >= 0 and occupied[there, other] and (
-                            element[there, other] == own or element[there, other] < 0
+                            element[there, other] < 0 or share_one(row, cell, there, other, element, first, further)
                         ):
-                            free = _touches_another(around, element, planned, row, i + a, j + b, k + c, own)
+                            free = _touches_another(
+                                around, element, first, further, planned, row, i + a, j + b, k + c, cell
+                            )
             may[row, cell] = free
 
 
 @njit(cache=True, nogil=True, parallel=True)
 def _spread(
-    near: NDArray[np.int64], around: NDArray[np.int32], element: NDArray[np.int16], may: NDArray[np.bool_],
-    seed: NDArray[np.bool_], out: NDArray[np.bool_],
+    near: NDArray[np.int64], around: NDArray[np.int32], element: NDArray[np.int16], first: NDArray[np.int64],
+    further: NDArray[np.int16], may: NDArray[np.bool_], seed: NDArray[np.bool_], out: NDArray[np.bool_],
 ) -> None:
     for n in prange(len(near)):
         row = near[n]
@@ -104,6 +109,6 @@ def _spread(
                 there, other = _place(
                     around, row, i + d * (step >> 1 == 0), j + d * (step >> 1 == 1), k + d * (step >> 1 == 2)
                 )
-                if there >= 0 and seed[there, other] and element[there, other] == element[row, cell]:
+                if there >= 0 and seed[there, other] and all_in(row, cell, there, other, element, first, further):
                     out[row, cell] = True
                     break

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from ..evidence.sightings import Sightings
+from ..evidence.sightings import AT, BEYOND, ON_FACE_M, Sightings
+from ..evidence.slide import ALONG, crossings
 from ..model.on_element import ElementSurfaces
 from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
@@ -98,3 +99,22 @@ class PlannedPlaces:
             len(np.unique(seen.ray_key(across & (np.abs(off) <= half)))),
             through + len(np.unique(seen.ray_key(behind))), len(free), len(np.unique(key)) - len(free),
         )
+
+    def strip(self, row: int, shift: NDArray[np.float64]) -> tuple[int, int]:
+        """Different beams that (return from, pass) the part of the faces along ``shift`` (3,) that it would leave."""
+        own = slice(int(self.first[row]), int(self.first[row + 1]))
+        seen, origin = self.seen.rows(own), self.origins[own]
+        normal = self.samples.normal[seen.sample]
+        state = seen.state(self.window)
+        told = seen.on_face & ~seen.explained & ((state == AT) | (state == BEYOND))
+        told &= np.abs(normal @ shift) < ALONG * np.linalg.norm(shift)
+        k = np.flatnonzero(told)
+        sample = seen.sample[k].astype(np.int64)
+        place = crossings(seen.rows(k), origin[k], self.samples.position[sample], normal[k])
+        face = self.surfaces.face_at(
+            place - shift, normal[k], self.samples.element[sample].astype(np.int32),
+            self.samples.triangle[sample].astype(np.int32), ON_FACE_M,
+        )
+        k = k[face < 0]
+        returned, passed = (len(np.unique(seen.ray_key(k[state[k] == what]))) for what in (AT, BEYOND))
+        return returned, passed

@@ -20,8 +20,6 @@ from ..evidence.decide import GLAZED, Context, Place, enough_seen, standing_shar
 from ..evidence.error_model import estimate_errors
 from ..evidence.gather import SensorModel
 from ..evidence.scenery import Scenery, with_glass
-from ..evidence.search import MOST_AXES
-from ..evidence.sightings import SEARCH_M
 from ..evidence.thresholds import Thresholds
 from ..evidence.verify import comes_near, looks_through_glass, places
 from ..model.elements import BuildingModel
@@ -34,6 +32,7 @@ from .left_place import PlannedPlaces
 from .overlap import ABSENT_OVERLAP, overlap
 from .own_evidence import OwnEvidence, find_touching, own_evidence, shows_standing
 from .parts import Parts
+from .rival import fits_beyond_chance, rival
 from .shared_surface import find_shared
 from .turned_surface import find_turned
 from .verdict import verdict
@@ -130,6 +129,11 @@ def look_at_elements(
     planned = PlannedPlaces.of(
         found.seen, origins, found.samples, scene, surfaces, window, registration_sigma, len(model.elements)
     )
+    best_places = [
+        best if best is not plan
+        else rival(plan, found.tried.get(row, ()), planned, row, tolerance, context) or plan
+        for row, (plan, best) in enumerate(zip(found.plans, found.best, strict=True))
+    ]
     known_gone = np.zeros(len(model.elements), np.bool_)
     for _ in range(2):  # what is gone shares its surface with nobody
         others, either = touching.split(known_gone)
@@ -141,7 +145,7 @@ def look_at_elements(
         elements = tuple(
             _sight(model, row, plan, best, float(exposed[row]), tolerance, context, own,
                    shared.main_partner(row, known_gone), planned)
-            for row, (plan, best) in enumerate(zip(found.plans, found.best, strict=True))
+            for row, (plan, best) in enumerate(zip(found.plans, best_places, strict=True))
         )
         known_gone = np.array([e.seen in ("GONE", "MOVED") for e in elements])
     return EpochSight(elements, registration_sigma, context.see_through, tolerance)
@@ -170,7 +174,9 @@ def _sight(
         if slid or left.passed:
             return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.", best)
         stays = overlap(model, row, best.fit.vector) > ABSENT_OVERLAP
-        stands_there = shows_standing(left.at, left.through + left.stopped, t.present_share)
+        stands_there = shows_standing(left.at, left.through + left.stopped, t.present_share) or shows_standing(
+            *planned.strip(row, best.fit.vector), t.absent_share
+        )
         if stays and not stands_there and left.should_be_seen(t.present_share):
             return sight("MOVED", f"It stands {1000 * length:.0f} mm before its planned place, which it hides.", best)
         if not stands_there:
@@ -224,15 +230,11 @@ def _found(
     An element that slid along its faces left a strip, and what tells of it is the rest of what tells of its plan.
     ``overlaps`` is the share of it that lies on its planned place.
     """
-    t = context.thresholds
-    tried = 2 * MOST_AXES * SEARCH_M / (1.5 * context.window)
     there, beyond = place.at, place.beyond
     if place.at == plan.at:
         there = float(own.at[row])
         beyond = max(beyond, float(own.beyond[row]) - (1.0 - overlaps) * plan.exposed)
-    share = there / max(there + beyond, 1e-12)
-    at = round(share * place.rays)
-    return share >= t.present_share and shows_standing(at, place.rays - at, t.absent_share, tried)
+    return fits_beyond_chance(there / max(there + beyond, 1e-12), place.rays, context)
 
 
 def glazed(model: BuildingModel, row: int) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from datetime import date, datetime
 from typing import Any, Literal
@@ -62,6 +63,13 @@ def read_planned(file: Any, elements: list[tuple[int, str]]) -> tuple[Planned, .
     and that before tasks without dates."""
     tasks = _tasks(file)
     return tuple(_planned(file, step_id, global_id, tasks) for step_id, global_id in elements)
+
+
+def reversed_tasks(file: Any) -> Iterator[str]:
+    """A sentence on each task of elements that ends before it begins."""
+    plans = {plan for tasks in _tasks(file).values() for plan in tasks}
+    for plan in sorted((p for p in plans if p.start and p.finish and p.finish < p.start), key=lambda p: (p.task, str(p))):
+        yield f"The task {plan.task} ends on {plan.finish}, before it begins on {plan.start}: one of its dates is wrong."
 
 
 def parse_date(text: str | None) -> date | None:

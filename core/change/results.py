@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..options import ChangeOptions
 from .planned import Planned
@@ -157,6 +161,8 @@ class ChangeResult:
     """Corner of voxel (0, 0, 0), metres, model frame."""
     remaining: tuple[int, ...]
     """Rows of elements of which a part does not stand now."""
+    surfaces: Mapping[int, NDArray[np.int64]]
+    """Planned voxels (N, 3) of those of these that are kept by their surface, because they are thin or open."""
     method: str
     timings: dict[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()

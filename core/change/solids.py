@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -13,9 +12,11 @@ from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
 from ..model.elements import BuildingModel
-from ..occupancy.bricks import BrickTable, find, insert
-from ..occupancy.grid import CELLS, VoxelGrid, brick_key, cell_of
+from ..occupancy.bricks import BrickTable
+from ..occupancy.grid import VoxelGrid
 from ..progress import Progress
+from .holders import Further
+from .owners import Owners
 
 NUDGE_M = (1.1e-6, 1.3e-6, 1.7e-6)
 """Middles are moved by this, so that faces at whole millimetres never go through one."""
@@ -30,12 +31,16 @@ THIN_SHARE = 0.5
 
 @dataclass(frozen=True)
 class SolidVoxels:
-    """Which element each voxel belongs to."""
+    """Which elements hold each voxel."""
 
     grid: VoxelGrid
     table: BrickTable
     element: NDArray[Any]
-    """(B, 512) int16 or int32, rows of ``model.elements``; -1 where there is none."""
+    """(B, 512) int16 or int32, rows of ``model.elements``, the first one that holds a voxel; -1 where there is none."""
+    further: Further
+    """The others."""
+    by_surface: NDArray[np.bool_]
+    """(E,) kept by the voxels that its surface goes through, because it is thin or open."""
     count: NDArray[np.int64]
     """(E,) voxels of each element."""
     volume: NDArray[np.float64]
@@ -71,15 +76,14 @@ def mesh_volumes(model: BuildingModel) -> NDArray[np.float64]:
 def voxelise(model: BuildingModel, grid: VoxelGrid, progress: Progress | None = None) -> SolidVoxels:
     """Voxels whose middle lies inside an element; of thin and open elements those that their surface goes through.
 
-    A voxel in two solids belongs to the first; a surface claims only voxels in no solid.
+    A voxel in several solids is held by all of them; a surface takes only voxels in no solid.
     """
     progress = progress or Progress()
     volume = mesh_volumes(model)
-    owners = _Owners(np.int16 if len(model.elements) < 2**15 else np.int32)
     count = len(model.elements)
+    owners = Owners(np.int16 if count < 2**15 else np.int32, count)
     start = model.triangle_start
     corner = (model.vertices[model.triangles] - grid.anchor - NUDGE_M) / grid.edge
-    thin = []
     for row in range(count):
         progress.update(row / count, "Filling solids with voxels")
         part = corner[start[row] : start[row + 1]]
@@ -89,16 +93,25 @@ def voxelise(model: BuildingModel, grid: VoxelGrid, progress: Progress | None = 
         if model.closed[row]:
             for mask, first in _inside(part):
                 found += owners.enter(mask, first, row)
-        if found * grid.edge**3 < THIN_SHARE * volume[row] or not found:
-            thin.append(row)
-    for row in thin:
+        owners.by_surface[row] = found * grid.edge**3 < THIN_SHARE * volume[row] or not found
+    for row in np.flatnonzero(owners.by_surface):
         owners.enter_surface(corner[start[row] : start[row + 1]], row)
-    table, element = owners.finish()
-    counts = np.zeros(count, np.int64)
+    (keys, element), *more = owners.layers()
+    table = BrickTable(keys)
+    further = Further.of(more, table, element.dtype)
+    return SolidVoxels(
+        grid, table, element, further, owners.by_surface,
+        _count_voxels(element, count) + _count_voxels(further.element, count), volume,
+    )
+
+
+def _count_voxels(element: NDArray[Any], elements: int) -> NDArray[np.int64]:
+    """(E,) voxels (N, 512) of each element."""
+    counts = np.zeros(elements, np.int64)
     for begin in range(0, len(element), 4096):
-        part_of = element[begin : begin + 4096]
-        counts += np.bincount(part_of[part_of >= 0], minlength=count)
-    return SolidVoxels(grid, table, element, counts, volume)
+        part = element[begin : begin + 4096]
+        counts += np.bincount(part[part >= 0], minlength=elements)
+    return counts
 
 
 @dataclass(frozen=True)
@@ -114,6 +127,10 @@ class VoxelBox:
     def around(cls, first: NDArray[np.int64], last: NDArray[np.int64]) -> VoxelBox:
         """The box of all voxels from ``first`` to ``last`` (3,)."""
         return cls(first - 1, last - first + 3)
+
+    def part(self, index: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(M, 3) those of voxels (N, 3) that lie in the box."""
+        return index[((index >= self.low) & (index < self.low + self.size)).all(axis=1)]
 
     def code(self, index: NDArray[np.int64]) -> NDArray[np.int64]:
         """(N,) numbers of voxels (N, 3) in the box."""
@@ -143,107 +160,6 @@ def solid_voxels_of(model: BuildingModel, edge: float, row: int) -> tuple[NDArra
             y, x = np.nonzero(mask[layer])
             found.append(box.code(np.stack([x, y, np.full(len(x), layer)], axis=1) + first))
     return np.sort(np.concatenate(found)), box
-
-
-class _Owners:
-    """Elements by voxel while they are entered, one after the other."""
-
-    def __init__(self, kind: type) -> None:
-        self.keys = np.empty(0, np.int64)
-        self.element: NDArray[Any] = np.empty((0, CELLS), kind)
-        self.used = 0
-        self.table = BrickTable(self.keys)
-
-    def _room(self, bricks: int) -> None:
-        wanted = self.used + bricks
-        if wanted <= len(self.keys):
-            return
-        more = max(wanted, len(self.keys) + len(self.keys) // 4) - len(self.keys)
-        self.keys = np.concatenate([self.keys, np.empty(more, np.int64)])
-        self.element = np.concatenate([self.element, np.full((more, CELLS), -1, self.element.dtype)])
-        self.table = BrickTable(self.keys[: self.used], len(self.keys))
-
-    def enter(self, mask: NDArray[np.bool_], first: NDArray[np.int64], row: int) -> int:
-        """Give the set voxels of a box (layers, rows, columns) whose corner is ``first`` (x, y, z) to an element."""
-        self._room(int(np.prod(np.array(mask.shape) // 8 + 2)))
-        self.used, found = _enter(
-            mask, first[0], first[1], first[2], row, self.table.slot_key, self.table.slot_row, self.keys, self.used,
-            self.element,
-        )
-        return int(found)
-
-    def enter_surface(self, corner: NDArray[np.float64], row: int) -> None:
-        """Give the voxels in no solid that triangles (T, 3, 3), in voxel units, go through to an element."""
-        at = 0
-        while at < len(corner):
-            self._room(4096)
-            at, self.used = _enter_surface(
-                corner, at, row, self.table.slot_key, self.table.slot_row, self.keys, self.used, self.element
-            )
-
-    def finish(self) -> tuple[BrickTable, NDArray[Any]]:
-        """Bricks by ascending key."""
-        order = np.argsort(self.keys[: self.used])
-        keys, element = self.keys[: self.used][order], self.element[: self.used][order]
-        return BrickTable(keys), element
-
-
-@njit(cache=True, nogil=True)
-def _enter(  # type: ignore[no-untyped-def]
-    mask, i0, j0, k0, who, slot_key, slot_row, keys, used, element
-):
-    found = 0
-    last, row = -1, -1
-    for k in range(mask.shape[0]):
-        for j in range(mask.shape[1]):
-            for i in range(mask.shape[2]):
-                if not mask[k, j, i]:
-                    continue
-                found += 1
-                key = brick_key(i0 + i, j0 + j, k0 + k)
-                if key != last:
-                    last = key
-                    row = find(key, slot_key, slot_row)
-                    if row < 0:
-                        row = used
-                        keys[row] = key
-                        insert(key, row, slot_key, slot_row)
-                        used += 1
-                cell = cell_of(i0 + i, j0 + j, k0 + k)
-                if element[row, cell] < 0:
-                    element[row, cell] = who
-    return used, found
-
-
-@njit(cache=True, nogil=True)
-def _enter_surface(  # type: ignore[no-untyped-def]
-    corner, at, who, slot_key, slot_row, keys, used, element
-):
-    """Points on triangles at most half a voxel apart; stops at the triangle for which the table has no more room."""
-    for t in range(at, len(corner)):
-        a, b, c = corner[t, 0], corner[t, 1], corner[t, 2]
-        ab, ac, bc = b - a, c - a, c - b
-        longest = math.sqrt(max((ab * ab).sum(), (ac * ac).sum(), (bc * bc).sum()))
-        steps = int(2.0 * longest) + 2
-        for m in range(steps + 1):
-            for n in range(steps + 1 - m):
-                u, v = m / steps, n / steps
-                i = math.floor(a[0] + u * ab[0] + v * ac[0])
-                j = math.floor(a[1] + u * ab[1] + v * ac[1])
-                k = math.floor(a[2] + u * ab[2] + v * ac[2])
-                key = brick_key(i, j, k)
-                row = find(key, slot_key, slot_row)
-                if row < 0:
-                    if used == len(keys):
-                        return t, used
-                    row = used
-                    keys[row] = key
-                    insert(key, row, slot_key, slot_row)
-                    used += 1
-                cell = cell_of(i, j, k)
-                if element[row, cell] < 0:
-                    element[row, cell] = who
-    return len(corner), used
 
 
 def _inside(corner: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.int64]]]:

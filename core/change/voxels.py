@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ from ..occupancy.bricks import BrickTable
 from ..occupancy.epoch import EMPTY, NEAR, OCCUPIED, UNSEEN, Observation, cell_set
 from ..occupancy.grid import CELLS, VoxelGrid, voxel_index
 from ..occupancy.votes import Occupied
+from .holders import Further
 from .results import CONFIRMED, DISAPPEARED, NEW, NOTHING, UNKNOWN, VoxelCounts
 from .solids import SolidVoxels
 
@@ -29,7 +31,9 @@ class Universe:
     grid: VoxelGrid
     table: BrickTable
     element: NDArray[Any]
-    """(B, 512) element whose solid holds the voxel, or which stands within the tolerance of it; -1 for none."""
+    """(B, 512) the first element whose solid holds the voxel, or which stands within the tolerance of it; -1 for none."""
+    further: Further
+    """The others that hold it."""
     planned: NDArray[np.bool_]
     """(B, 512) the voxel is part of a planned solid."""
     wanted: NDArray[np.bool_]
@@ -39,7 +43,8 @@ def universe(solids: SolidVoxels, epochs: list[Occupied]) -> Universe:
     """Join the model's voxels with the occupied ones of all epochs."""
     table = BrickTable(np.unique(np.concatenate([solids.table.keys, *(e.table.keys for e in epochs)])))
     element = np.full((len(table), CELLS), -1, solids.element.dtype)
-    element[table.rows(solids.table.keys)] = solids.element
+    of_solids = table.rows(solids.table.keys)
+    element[of_solids] = solids.element
     planned = element >= 0
     wanted = planned.copy()
     for epoch in epochs:
@@ -47,7 +52,28 @@ def universe(solids: SolidVoxels, epochs: list[Occupied]) -> Universe:
     around = table.around()
     reach = min(int(np.ceil(TOLERANCE_M / solids.grid.edge)) + 1, 7)
     _adopt(around, planned, wanted, _by_distance(reach), element)
-    return Universe(solids.grid, table, element, planned, wanted)
+    return Universe(solids.grid, table, element, solids.further.on(table, of_solids), planned, wanted)
+
+
+def held_voxels(world: Universe, rows: Sequence[int]) -> dict[int, NDArray[np.int64]]:
+    """(N, 3) all planned voxels of some elements."""
+    found: dict[int, list[NDArray[np.int64]]] = {row: [] for row in rows}
+    if not rows:
+        return {}
+    for begin in range(0, len(world.element), ROWS):
+        bricks = slice(begin, begin + ROWS)
+        _collect(found, world.table.keys[bricks], np.where(world.planned[bricks], world.element[bricks], -1))
+    _collect(found, world.table.keys[world.further.brick], world.further.element)
+    return {row: np.concatenate(parts) if parts else np.zeros((0, 3), np.int64) for row, parts in found.items()}
+
+
+def _collect(
+    found: dict[int, list[NDArray[np.int64]]], keys: NDArray[np.int64], element: NDArray[Any]
+) -> None:
+    brick, cell = np.nonzero(np.isin(element, list(found)))
+    owner, index = element[brick, cell], voxel_index(keys[brick], cell)
+    for row in np.unique(owner):
+        found[int(row)].append(index[owner == row])
 
 
 def _by_distance(reach: int) -> NDArray[np.int64]:
@@ -147,6 +173,7 @@ class VoxelCloud:
     """(N, 3)"""
     state: NDArray[np.uint8]
     element: NDArray[np.int32]
+    """The first of those that hold it."""
     planned: NDArray[np.bool_]
     absent: NDArray[np.bool_]
     """Of a planned solid, and known not to stand in the last epoch, whether it stood in the reference or not."""

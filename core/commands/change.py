@@ -47,9 +47,10 @@ def change_options(values: Values) -> ChangeOptions:
 def _change(values: Values, progress: Progress) -> Outcome:
     from ..change.psets import write_changed_ifc
     from ..jobs import change
-    from ..report.change_files import SHAPES, change_to_json, write_remaining, write_voxels
+    from ..report.change_files import change_to_json, write_voxels
     from ..report.change_page import write_change_report
     from ..report.html import PAGE, TABLE
+    from ..report.remaining import SHAPES, write_remaining
 
     options = change_options(values)
     reference = values["reference"] or []

@@ -57,6 +57,8 @@ class Findings:
     samples: SurfaceSamples
     """With the positions that were uncovered by what is missing."""
     seen: Sightings
+    tried: dict[int, list[Place]]
+    """Places that the deviations of an element's faces proposed."""
 
 
 def places(scenery: Scenery, seen: Sightings, context: Context, progress: Progress) -> Findings:
@@ -66,19 +68,19 @@ def places(scenery: Scenery, seen: Sightings, context: Context, progress: Progre
     its neighbours, and what an absent covering hid is looked at.
     """
     seen = scenery.explain(seen, seen.on_face, scenery.samples.element[seen.sample], None)
-    plans, best = _round(scenery, seen, context, None, {}, progress.part(0.0, 0.4))
+    plans, best, tried = _round(scenery, seen, context, None, {}, progress.part(0.0, 0.4))
     lost = _lost(scenery, seen, plans, best, context)
     found = search(scenery, lost, context, progress.part(0.4, 0.6))
     best = _chosen(plans, best, probe(scenery, list(found.items()), None, context, Progress(), searched=True), context)
     as_built = AsBuilt.of(scenery.model, plans, best, context)
     if as_built is None:
-        return Findings(plans, _refined(scenery, plans, best, None, context), scenery.samples, seen)
+        return Findings(plans, _refined(scenery, plans, best, None, context), scenery.samples, seen, tried)
     scenery, uncovered = _uncover(scenery, as_built, context)
     seen = Sightings.join([seen, uncovered])
     seen = seen.rows(np.lexsort((seen.station, seen.sample)))
     seen = scenery.explain(seen, seen.on_face, scenery.samples.element[seen.sample], as_built)
-    plans, best = _round(scenery, seen, context, as_built, found, progress.part(0.6, 1.0))
-    return Findings(plans, _refined(scenery, plans, best, as_built, context), scenery.samples, seen)
+    plans, best, tried = _round(scenery, seen, context, as_built, found, progress.part(0.6, 1.0))
+    return Findings(plans, _refined(scenery, plans, best, as_built, context), scenery.samples, seen, tried)
 
 
 def _uncover(
@@ -112,7 +114,7 @@ def _uncover(
 def _round(
     scenery: Scenery, seen: Sightings, context: Context, as_built: AsBuilt | None,
     found: dict[int, NDArray[np.float64]], progress: Progress,
-) -> tuple[list[Place], list[Place]]:
+) -> tuple[list[Place], list[Place], dict[int, list[Place]]]:
     samples = scenery.samples
     count = len(scenery.model.elements)
     edge = np.searchsorted(seen.sample, samples.first_of(count))
@@ -125,14 +127,15 @@ def _round(
         plans.append(assess_place(np.zeros(3), part, samples.area[local], float(exposed[e]), context))
         asked += [(e, shift) for shift in propose(part, local, samples, context)]
         slides += candidate_slides(scenery, e, part, context)
-    best = _chosen(plans, plans, probe(scenery, asked, as_built, context, progress), context)
+    tried = probe(scenery, asked, as_built, context, progress)
+    best = _chosen(plans, plans, tried, context)
     lost = [(e, shift) for e, shift in found.items() if best[e] is plans[e]]
     best = _chosen(plans, best, probe(scenery, lost, as_built, context, Progress(), searched=True), context)
     slid = probe_slides(scenery, slides, plans, as_built, context, progress)
     for e, places_ in slid.items():
         if best[e] is plans[e]:
             best[e] = max(places_, key=lambda place: place.rays)
-    return plans, best
+    return plans, best, tried
 
 
 def _chosen(

@@ -20,11 +20,11 @@ from ..change.clusters import find_clusters
 from ..change.decide import element_state, ratios
 from ..change.look import EpochSight, look_at_elements, sensor_model
 from ..change.parts import Parts, read_parts
-from ..change.planned import Planned, parse_date, read_planned
+from ..change.planned import Planned, parse_date, read_planned, reversed_tasks
 from ..change.progress import expected_state, group_progress, judge, standing_ratio
 from ..change.results import ChangeResult, ElementChange, EpochRecord, VoxelCounts
 from ..change.solids import SolidVoxels, fitting_edge, voxelise
-from ..change.voxels import Universe, compare, count_states, universe, voxel_cloud
+from ..change.voxels import Universe, compare, count_states, held_voxels, universe, voxel_cloud
 from ..errors import BimVerifyError
 from ..evidence.collect import StationIndexes
 from ..model.elements import BuildingModel
@@ -75,7 +75,7 @@ def change(
         solids = voxelise(model, grid, progress.part(0.08, 0.15))
         watch.lap("solids")
         samples = sample_surface(model, options.sample_spacing, scene=(scene := RayScene(model)), cache=options.cache)
-        plans, parts = _stated(model)
+        plans, parts, wrong_tasks = _stated(model)
         watch.lap("query positions")
         campaigns = [*([reference] if reference is not None else []), *epochs]
         names = [*(["reference"] if reference is not None else []), *_names(len(epochs))]
@@ -114,7 +114,7 @@ def change(
         progress.update(0.92, "Comparing")
         result = _compare(model, solids, world, views, seen, reference is not None, plans, options, watch)
         watch.lap("comparison")
-        return result
+        return replace(result, warnings=(*result.warnings, *wrong_tasks))
 
 
 @dataclass(frozen=True)
@@ -170,6 +170,9 @@ def _compare(
             replace(e, expected=p.expected, agrees=p.agrees, progress=p.progress, standing_ratio=p.standing_ratio)
             for e, p in zip(_elements(model, solids, both, now.sight, before.sight, plans, day), planned_now, strict=True)
         )
+    remaining = tuple(
+        n for n, e in enumerate(planned_now) if e.state == "PARTIAL" and not e.moved and e.disappeared_ratio > 0
+    )
     cloud = voxel_cloud(world, state, anything, gone.cells)
     named = [(v.name, o) for v, o in zip(views, seen, strict=True)]
     clusters, left_out = find_clusters(
@@ -189,9 +192,7 @@ def _compare(
         groups=series[-1], voxels=cloud,
         voxel_counts=_voxel_counts(world, views, seen, state, anything | gone.cells, with_model, has_reference),
         anchor=(float(anchor[0]), float(anchor[1]), float(anchor[2])),
-        remaining=tuple(
-            n for n, e in enumerate(planned_now) if e.state == "PARTIAL" and not e.moved and e.disappeared_ratio > 0
-        ),
+        remaining=remaining, surfaces=held_voxels(world, [n for n in remaining if solids.by_surface[n]]),
         method=f"bim_verify {__version__} occupancy", timings=watch.seconds,
         warnings=tuple(_warnings(model, edge, options, views, has_reference, undated, left_out)),
     )
@@ -250,14 +251,16 @@ def _shift(now: Any, before: Any) -> float | None:
     return float(np.linalg.norm(np.array(now.shift) - np.array(before.shift)))
 
 
-def _stated(model: BuildingModel) -> tuple[tuple[Planned, ...], Parts]:
-    """What the file says of each element beside its shape: when it is to stand, and what it is a part of."""
+def _stated(model: BuildingModel) -> tuple[tuple[Planned, ...], Parts, tuple[str, ...]]:
+    """What the file says of each element beside its shape: when it is to stand, and what it is a part of; and what is wrong
+    with its tasks."""
     if not model.path or not Path(model.path).exists():
-        return tuple(Planned() for _ in model.elements), frozenset()
+        return tuple(Planned() for _ in model.elements), frozenset(), ()
     file = open_ifc(model.path)
     return (
         read_planned(file, [(e.step_id, e.global_id) for e in model.elements]),
         read_parts(file, [e.step_id for e in model.elements]),
+        tuple(reversed_tasks(file)),
     )
 
 

@@ -15,6 +15,7 @@ from .change_files import changes_csv
 from .change_views import voxel_views
 from .html import TABLE, format_number, format_percent
 from .page_frame import PAGE, policy_hash, source, templates
+from .remaining_view import remaining_views
 
 SIGNS: dict[State, str] = {"CONFIRMED": "✓", "NEW": "+", "DISAPPEARED": "✕", "PARTIAL": "◐", "UNKNOWN": "?"}
 ORDER: tuple[State, ...] = ("DISAPPEARED", "NEW", "PARTIAL", "UNKNOWN", "CONFIRMED")
@@ -62,6 +63,7 @@ def render_change_page(result: ChangeResult) -> str:
             if result.reference else "the model itself",
         },
         views=voxel_views(result),
+        shapes=remaining_views(result),
         series=series,
         series_counts=[[sum(v == s for v in epoch.states) for s in STATES] for epoch in series],
         clusters=result.clusters[:MOST_CLUSTERS],

@@ -31,9 +31,11 @@ from bim_verify.core.model.on_element import ElementSurfaces
 from bim_verify.core.model.sample_surface import sample_surface
 from bim_verify.core.occupancy.grid import VoxelGrid
 from bim_verify.core.options import ChangeOptions
-from bim_verify.core.report.change_files import change_to_json, changes_csv, remaining_mesh, write_voxels
+from bim_verify.core.report.change_files import change_to_json, changes_csv, write_voxels
 from bim_verify.core.report.change_page import render_change_page
 from bim_verify.core.report.change_views import voxel_views
+from bim_verify.core.report.remaining import remaining_mesh
+from bim_verify.core.report.remaining_view import remaining_views
 from bim_verify.core.scans.campaign import Station
 from bim_verify.core.sensing.loa import supported_level
 from bim_verify.core.simulation.box_building import ArraySource, box, building_model
@@ -421,7 +423,7 @@ def test_the_report_shows_progress_without_a_plan_and_pictures_of_all_sides() ->
     page = render_change_page(result)
     assert "states no plan" in page and "Not observed" in page and ">Planned<" not in page
     views = voxel_views(result)
-    assert len(views) == page.count("data:image/png") == 3
+    assert len(views) == 3 and page.count("data:image/png") == len(views) + len(remaining_views(result))
     above = np.asarray(Image.open(io.BytesIO(base64.b64decode(views[0].image))))
     assert above.shape == (views[0].height, views[0].width, 3)
     x, y = ((np.array([6.1, 3.0]) - result.anchor[:2]) / result.edge - result.voxels.index.min(axis=0)[:2]).astype(int)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bim_verify.core.change.clusters import Kind, find_clusters, persistence
+from bim_verify.core.change.holders import Further
 from bim_verify.core.change.results import Cluster
 from bim_verify.core.change.voxels import Universe, compare, voxel_cloud
 from bim_verify.core.occupancy.bricks import BrickTable
@@ -40,7 +41,8 @@ def clusters(
     *epochs: Observation, reference: Observation | None = None, planned: np.ndarray | None = None, most: int = 100
 ) -> tuple[tuple[Cluster, ...], int]:
     planned = np.zeros(SHAPE, np.bool_) if planned is None else planned
-    world = Universe(GRID, TABLE, np.where(planned, 0, -1).astype(np.int16), planned, np.ones(SHAPE, np.bool_))
+    none, element = Further.of([], TABLE, np.int16), np.where(planned, 0, -1).astype(np.int16)
+    world = Universe(GRID, TABLE, element, none, planned, np.ones(SHAPE, np.bool_))
     nothing, everything = np.zeros(SHAPE, np.bool_), np.ones(SHAPE, np.bool_)
     cloud = voxel_cloud(world, compare(world, epochs[-1], reference), everything, nothing)
     return find_clusters(MODEL, world, cloud, [(f"epoch {n + 1}", e) for n, e in enumerate(epochs)], reference, most)

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import base64
 import csv
+import dataclasses
+import io
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from bim_verify.core.change.amounts import Amount
 from bim_verify.core.change.decide import element_state, ratios
 from bim_verify.core.change.look import ElementSight, Seen
+from bim_verify.core.files import all_or_none
 from bim_verify.core.jobs import change
 from bim_verify.core.options import ChangeOptions
-from bim_verify.core.report.change_files import remaining_mesh, remaining_volume, write_remaining
+from bim_verify.core.report.change_page import render_change_page
+from bim_verify.core.report.remaining import remaining_mesh, remaining_volume, write_remaining
+from bim_verify.core.report.remaining_view import remaining_views
 from bim_verify.core.simulation.scene import Prop
 
 from .verify_data import PLAN, built, house, scan
@@ -129,3 +136,45 @@ def test_a_part_is_new_only_where_it_was_found() -> None:
 def test_a_part_of_what_is_new_is_partial_and_all_of_it_that_stands_is_new() -> None:
     found = state(sight("PART", 4.0, 6.0), sight("GONE", 0.0), Amount(absent=0.6, left=0.1, kept=0.4, deep=0.6))
     assert found == ("PARTIAL", pytest.approx((0.0, 0.0, 0.4, 0.6)))
+
+
+def test_a_sheet_thinner_than_a_voxel_has_a_remaining_shape(tmp_path: Path) -> None:
+    """Half of a ceiling of 20 mm in voxels of 50 mm, none of which has its middle in it."""
+    part = {"ceiling": (((0.0, 0.0, 2.7), (3.0, 4.0, 2.72)),)}
+    result = change(house(), [scan(built({}, (), part), seed=6)], None, dataclasses.replace(OPTIONS, voxel=0.05))
+    row = list(PLAN).index("ceiling")
+    assert row in result.remaining and row in result.surfaces
+    vertices, quads = remaining_mesh(result, row)
+    x, y, _ = vertices[quads].mean(axis=1).T
+    gone = (x > 3.2) & (x < 5.7) & (y > 0.3) & (y < 3.7)  # rays spare what touches the walls around, and the column
+    assert (x < 3.0).sum() > 1000 and gone.sum() < 0.1 * (x < 3.0).sum()
+    assert remaining_volume(result, row) == pytest.approx(0.24, abs=0.03)
+    assert tmp_path / f"{result.elements[row].global_id}.obj" in write_remaining(tmp_path, result)
+
+
+def test_shapes_of_an_earlier_run_are_removed_and_other_files_kept(tmp_path: Path) -> None:
+    write_remaining(tmp_path, change(house(), [standing(1.4)], None, OPTIONS))
+    old, other = tmp_path / f"{'partition':_<22}.obj", tmp_path / "other.obj"
+    other.write_text("v 0 0 0\n")
+    assert old.exists()
+    now = change(house(), [standing(4.0)], None, OPTIONS)
+    with pytest.raises(ZeroDivisionError), all_or_none():
+        write_remaining(tmp_path, now)
+        _ = 1 / 0
+    assert old.exists()
+    with all_or_none():
+        assert write_remaining(tmp_path, now) == []
+    assert not old.exists() and other.exists()
+
+
+def test_the_report_shows_what_is_left_of_an_element() -> None:
+    result = change(house(), [standing(1.4)], None, OPTIONS)
+    (view,) = remaining_views(result)
+    assert view.element.name == "partition" and view.side == "from the east (+x)"
+    assert view.planned == pytest.approx(2.4) and view.left == pytest.approx(SECTION_M2 * 1.4, rel=0.05)
+    pixels = np.asarray(Image.open(io.BytesIO(base64.b64decode(view.image)))).astype(int)
+    red, green = (pixels[..., a] > pixels[..., b] for a, b in ((0, 1), (1, 0)))
+    assert red.mean() == pytest.approx(2.6 / 4.0, abs=0.05)
+    assert green[:, : view.width // 4].all()  # y runs to the right
+    page = render_change_page(result)
+    assert "Standing in part" in page and view.image in page

@@ -9,7 +9,7 @@ import ifcopenshell
 import ifcopenshell.guid
 import pytest
 
-from bim_verify.core.change.planned import Planned, parse_date, read_planned
+from bim_verify.core.change.planned import Planned, parse_date, read_planned, reversed_tasks
 from bim_verify.core.change.progress import expected_state, group_progress, judge
 from bim_verify.core.change.results import ElementChange, GroupProgress, State
 
@@ -206,6 +206,16 @@ def test_a_task_time_without_dates_gives_way_to_the_task_above() -> None:
     schedule.file.create_entity("IfcRelNests", ifcopenshell.guid.new(), RelatingObject=above, RelatedObjects=[child])
     plan = schedule.plan(wall)
     assert (plan.task, plan.start, plan.finish) == ("Child", date(2024, 3, 1), date(2024, 3, 5))
+
+
+def test_a_task_that_ends_before_it_begins_is_named_once() -> None:
+    schedule = Schedule()
+    walls = [schedule.add("IfcWall") for _ in range(2)]
+    schedule.task("Walls", *walls, start="2024-05-09", finish="2024-05-05")
+    schedule.task("Doors", walls[0], start="2024-06-01", finish="2024-06-01")
+    assert list(reversed_tasks(schedule.file)) == [
+        "The task Walls ends on 2024-05-05, before it begins on 2024-05-09: one of its dates is wrong."
+    ]
 
 
 def test_an_element_that_is_built_and_later_demolished() -> None:
