@@ -27,8 +27,8 @@ from .shared_surface import on_others
 def without_neighbours(
     scenery: Scenery, samples: SurfaceSamples, plans: Sequence[Place], best: Sequence[Place], context: Context, parts: Parts
 ) -> list[Place]:
-    """The ``best`` places, but the plan where a place fits no more than by chance once the returns that lie on faces of
-    neighbours that stand as planned speak for nothing.
+    """The ``best`` places, but the plan where a place fits no more than by chance without the returns that lie on faces of
+    neighbours that stand as planned.
 
     Places with what tells of the plan (slides) are left as they are. ``samples`` with those that what is missing uncovered.
     """
@@ -54,15 +54,15 @@ def without_neighbours(
     back /= np.maximum(np.linalg.norm(back, axis=1, keepdims=True), 1e-9)
     near = TOLD_APART_SIGMAS * context.sigma
     pair, other = on_others(scenery.model, scenery.surfaces, point, back, element[there], near, parts, GRAZE)
-    others = there[pair[_stands(plans, best, context)[other]]]
-    farther = np.abs(seen.deviation[others]) > near + context.sigma
-    either = np.isin(np.arange(len(seen)), others[~farther])
-    seen = seen.explained_too(others[farther])
+    others = np.zeros(len(seen), np.bool_)
+    others[there[pair[_stands(plans, best, context)[other]]]] = True
     places = list(best)
     for e in moved:
-        own = seen.rows(np.flatnonzero((element == e) & ~either))
-        place = assess_place(best[e].fit.vector, own, samples.area[own.sample], best[e].exposed, context)
-        if not fits_beyond_chance(place.share, place.rays, context):
+        whole, own = (
+            assess_place(best[e].fit.vector, part, samples.area[part.sample], best[e].exposed, context)
+            for part in (seen.rows((element == e) & of) for of in (True, ~others))
+        )
+        if not fits_beyond_chance(own.at / max(whole.at + whole.beyond, 1e-12), whole.rays, context):
             places[e] = plans[e]
     return places
 
