@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from ..evidence.sightings import AT, BEYOND, ON_FACE_M, Sightings
-from ..evidence.slide import ALONG, crossings
+from ..evidence.sightings import AT, BEYOND, Sightings
+from ..evidence.slide import ALONG
 from ..model.on_element import ElementSurfaces
 from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
-from .own_evidence import ERROR_RATE, LEAST_OPPOSED, clearly_inside
+from .own_evidence import ERROR_RATE, LEAST_OPPOSED, clearly_inside, clearly_outside
 
 ACROSS = 0.5
 """Faces whose normal has this cosine with a shift leave their plane by it; those along it stay in theirs and tell nothing."""
@@ -101,7 +101,10 @@ class PlannedPlaces:
         )
 
     def strip(self, row: int, shift: NDArray[np.float64]) -> tuple[int, int]:
-        """Different beams that (return from, pass) the part of the faces along ``shift`` (3,) that it would leave."""
+        """Different beams that (return from, pass) the part of the faces along ``shift`` (3,) that it would leave.
+
+        Those that come so near to its new edge that part of their light may meet it there tell nothing.
+        """
         own = slice(int(self.first[row]), int(self.first[row + 1]))
         seen, origin = self.seen.rows(own), self.origins[own]
         normal = self.samples.normal[seen.sample]
@@ -109,12 +112,6 @@ class PlannedPlaces:
         told = seen.on_face & ~seen.explained & ((state == AT) | (state == BEYOND))
         told &= np.abs(normal @ shift) < ALONG * np.linalg.norm(shift)
         k = np.flatnonzero(told)
-        sample = seen.sample[k].astype(np.int64)
-        place = crossings(seen.rows(k), origin[k], self.samples.position[sample], normal[k])
-        face = self.surfaces.face_at(
-            place - shift, normal[k], self.samples.element[sample].astype(np.int32),
-            self.samples.triangle[sample].astype(np.int32), ON_FACE_M,
-        )
-        k = k[face < 0]
+        k = k[clearly_outside(seen.rows(k), self.samples, origin[k], self.surfaces, shift, self.registration_sigma)]
         returned, passed = (len(np.unique(seen.ray_key(k[state[k] == what]))) for what in (AT, BEYOND))
         return returned, passed

@@ -28,6 +28,7 @@ from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..sensing.loa import level_sigma, worst_voxel_shift
+from .found_place import without_neighbours
 from .left_place import PlannedPlaces
 from .overlap import ABSENT_OVERLAP, overlap
 from .own_evidence import OwnEvidence, find_touching, own_evidence, shows_standing
@@ -130,9 +131,11 @@ def look_at_elements(
         found.seen, origins, found.samples, scene, surfaces, window, registration_sigma, len(model.elements)
     )
     best_places = [
-        best if best is not plan
+        best if found.best[row] is not plan
         else rival(plan, found.tried.get(row, ()), planned, row, tolerance, context) or plan
-        for row, (plan, best) in enumerate(zip(found.plans, found.best, strict=True))
+        for row, (plan, best) in enumerate(zip(
+            found.plans, without_neighbours(scenery, found.samples, found.plans, found.best, context, parts), strict=True
+        ))
     ]
     known_gone = np.zeros(len(model.elements), np.bool_)
     for _ in range(2):  # what is gone shares its surface with nobody

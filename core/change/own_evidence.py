@@ -7,6 +7,7 @@ met the element, and the reported range is that of the stronger part.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -161,20 +162,57 @@ def clearly_inside(
     sample = seen.sample.astype(np.int64)
     normal, position = samples.normal[sample], samples.position[sample]
     place = crossings(seen, origins, position, normal)
-    beam = BEAM_EXIT_RADIUS_M + BEAM_SPREAD_RAD * seen.distance.astype(np.float64)
-    margin = WELL_INSIDE * beam + 2.0 * registration_sigma
+    margin = WELL_INSIDE * _beam_radius(seen) + 2.0 * registration_sigma
+    inside = np.ones(len(seen), np.bool_)
+    for beside in _four_sides(place, normal, margin):
+        inside &= _on_face(beside, seen, samples, surfaces)
+    return inside
+
+
+def clearly_outside(
+    seen: Sightings, samples: SurfaceSamples, origins: NDArray[np.float64], surfaces: ElementSurfaces,
+    shift: NDArray[np.float64], registration_sigma: float,
+) -> NDArray[np.bool_]:
+    """(M,) whether no light of a beam reaches its element's face where that stands off by ``shift`` (3,), registration counted.
+
+    Of a beam that does, a part of its light is enough for a return.
+    """
+    sample = seen.sample.astype(np.int64)
+    normal, position = samples.normal[sample], samples.position[sample]
+    place = crossings(seen, origins, position, normal) - shift
+    outside = ~_on_face(place, seen, samples, surfaces)
+    for beside in _four_sides(place, normal, _beam_radius(seen) + 2.0 * registration_sigma):
+        outside &= ~_on_face(beside, seen, samples, surfaces)
+    return outside
+
+
+def _beam_radius(seen: Sightings) -> NDArray[np.float64]:
+    """(M,) metres (1/e2), where the beams cross the queries' planes."""
+    return BEAM_EXIT_RADIUS_M + BEAM_SPREAD_RAD * seen.distance.astype(np.float64)
+
+
+def _four_sides(
+    place: NDArray[np.float64], normal: NDArray[np.float64], margin: NDArray[np.float64]
+) -> Iterator[NDArray[np.float64]]:
+    """Places (M, 3) beside ``place`` (M, 3), by ``margin`` (M,) metres each, in the planes of ``normal`` (M, 3)."""
     up = np.where((np.abs(normal[:, 2]) < 0.9)[:, None], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
     u = np.cross(normal, up)
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     v = np.cross(normal, u)
-    inside = np.ones(len(seen), np.bool_)
     for step in (u, -u, v, -v):
-        face = surfaces.face_at(
-            place + margin[:, None] * step, normal, samples.element[sample].astype(np.int32),
-            samples.triangle[sample].astype(np.int32), ON_FACE_M,
-        )
-        inside &= face >= 0
-    return inside
+        yield place + margin[:, None] * step
+
+
+def _on_face(
+    place: NDArray[np.float64], seen: Sightings, samples: SurfaceSamples, surfaces: ElementSurfaces
+) -> NDArray[np.bool_]:
+    """(M,) whether ``place`` (M, 3) lies on a face, turned like the query's, of the query's element as planned."""
+    sample = seen.sample.astype(np.int64)
+    face = surfaces.face_at(
+        place, samples.normal[sample], samples.element[sample].astype(np.int32),
+        samples.triangle[sample].astype(np.int32), ON_FACE_M,
+    )
+    return np.asarray(face >= 0)
 
 
 def shows_gone(at: int, through: int, present: float) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from datetime import date, datetime
@@ -18,8 +20,13 @@ UPKEEP = (
 )
 """Types of tasks that neither make an element nor take it away: they say nothing of when it stands."""
 STATUS_ACT: dict[str, Act] = {"NEW": "build", "EXISTING": "", "DEMOLISH": "demolish", "TEMPORARY": ""}
-PHASES_GONE = ("demol", "abbruch", "sloop", "removed")
-PHASES_NEW = ("new", "neubau", "nieuw")
+PHASE_SETS = ("phas", "fase")
+"""Names of property sets and properties are in the language of the program that wrote them: English, German, Dutch, French."""
+GONE = ("demol", "abbruch", "abgebrochen", "abriss", "abgerissen", "sloop", "gesloopt", "removed")
+"""How words of a demolition begin, without accents."""
+BUILT = ("newbuild", "neubau", "nieuwbouw")
+BUILT_WORDS = ("new", "neu", "nieuw", "nouveau", "nouvelle")
+NOT = ("no", "none", "not", "kein", "keine", "keiner", "nicht", "geen", "niet", "aucun", "aucune", "non", "pas")
 
 
 @dataclass(frozen=True)
@@ -139,16 +146,8 @@ def _stages(tasks: list[Planned]) -> tuple[Planned, ...]:
 def _stated(sets: dict[str, dict[str, Any]]) -> Planned:
     """What the phase says, else the status in the common property set."""
     for name, properties in sets.items():
-        if "phas" in name.lower():
-            text = {k.lower(): str(v).lower() for k, v in properties.items() if v}
-            gone = next((v for k, v in text.items() if "demol" in k and v not in ("none", "keine")), "")
-            if gone:
-                return Planned("demolish", source="phase")
-            made = " ".join(v for k, v in text.items() if "demol" not in k)
-            if any(word in made for word in PHASES_GONE):
-                return Planned("demolish", source="phase")
-            if any(word in made for word in PHASES_NEW):
-                return Planned("build", source="phase")
+        if any(part in name.lower() for part in PHASE_SETS) and (act := _phase_act(properties)):
+            return Planned(act, source="phase")
     for name, properties in sets.items():
         if name.startswith("Pset_") and name.endswith("Common") and properties.get("Status"):
             value = properties["Status"]
@@ -157,6 +156,22 @@ def _stated(sets: dict[str, dict[str, Any]]) -> Planned:
                 if word in words:
                     return Planned(STATUS_ACT[word], source="status", temporary=word == "TEMPORARY")
     return Planned()
+
+
+def _phase_act(properties: dict[str, Any]) -> Act:
+    """What the phases in a property set make of an element: nothing where they name none, or in words that are not known."""
+    stated = [(_words(name), _words(str(value))) for name, value in properties.items() if value]
+    stated = [(name, value) for name, value in stated if value and value[0] not in NOT]
+    if any(word.startswith(GONE) for name, value in stated for word in (*name, *value)):
+        return "demolish"
+    words = [word for _, value in stated for word in value]
+    return "build" if any(word in BUILT_WORDS or word.startswith(BUILT) for word in words) else ""
+
+
+def _words(text: str) -> list[str]:
+    """Lower case, without accents."""
+    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode().lower()
+    return re.findall(r"[a-z0-9]+", plain)
 
 
 def _tasks(file: Any) -> dict[int, list[Planned]]:
@@ -178,12 +193,14 @@ def _tasks(file: Any) -> dict[int, list[Planned]]:
 
 
 def _task(task: Any) -> Planned | None:
-    """What a task makes of its products; None where it leaves them as they are."""
+    """What a task makes of its products; None where it leaves them as they are, or its own words do not say plainly."""
     start, finish = _dates(task)
-    kind = f"{getattr(task, 'PredefinedType', '') or ''} {task.ObjectType or ''}".upper()
-    if kind.partition(" ")[0] in UPKEEP:
+    kind = getattr(task, "PredefinedType", None) or "NOTDEFINED"
+    if kind in ("USERDEFINED", "NOTDEFINED"):
+        kind = (task.ObjectType or "").strip().upper()
+    if kind not in DEMOLITION and any(word in kind for word in (*DEMOLITION, *UPKEEP)):
         return None
-    act: Act = "demolish" if any(word in kind for word in DEMOLITION) else "build"
+    act: Act = "demolish" if kind in DEMOLITION else "build"
     return Planned(act, start, finish, task.Name or task.GlobalId, "task")
 
 

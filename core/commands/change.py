@@ -91,7 +91,7 @@ def summary_lines(result: ChangeResult) -> list[str]:
     lines = [
         f"{found['elements']} elements against {against}: {counts}.",
         f"Gone {found['disappeared_volume']:.3f} m3, standing {found['built_volume']:.3f} m3, "
-        f"in voxels of {1000 * result.edge:g} mm.",
+        f"summed over elements, in voxels of {1000 * result.edge:g} mm.",
     ]
     new = [c for c in result.clusters if c.kind == "NEW"]
     if new:

@@ -68,18 +68,22 @@ def remaining_volume(result: ChangeResult, row: int) -> float:
 def write_remaining(folder: str | Path, result: ChangeResult) -> list[Path]:
     """Write the remaining shape of every partly demolished element as ``GlobalId.obj`` into ``folder``, and a table of them.
 
+    Where a GlobalId is there twice, or differs from another one by case only (one file on some systems), a number is added.
     Files that the table of an earlier run names are removed where this comparison has none for them; all others are left alone.
     """
     target = make_folder(folder)
     earlier = _named_in(target / SHAPES)
-    written, lines = [], []
+    written, lines, taken = [], [], set()
     for row in result.remaining:
         shape, e = Shape.of(result, row), result.elements[row]
         if not shape.left.any():
             continue
         vertices, quads = _mesh(result, shape)
-        safe = "".join(c for c in e.global_id if c.isalnum() or c in "_$")
-        path = target / f"{safe or row}.obj"
+        stem = "".join(c for c in e.global_id if c.isalnum() or c in "_$") or str(row)
+        while stem.lower() in taken:
+            stem = f"{stem}_{row}"
+        taken.add(stem.lower())
+        path = target / f"{stem}.obj"
         with whole_file(path) as temporary, temporary.open("w", encoding="ascii") as stream:
             stream.write("# what is left of the element, metres, model frame\n")
             np.savetxt(stream, vertices, fmt="v %.4f %.4f %.4f")
@@ -90,8 +94,9 @@ def write_remaining(folder: str | Path, result: ChangeResult) -> list[Path]:
         lines.append([path.name, e.global_id, e.ifc_class, guard(e.name), *stated])
     with whole_file(target / SHAPES) as temporary:
         temporary.write_bytes(csv_bytes(COLUMNS, lines))
-    for name in earlier - {path.name for path in written}:
-        remove_file(target / name)
+    for name in earlier:
+        if Path(name).stem.lower() not in taken:
+            remove_file(target / name)
     return written
 
 

@@ -19,7 +19,7 @@ from bim_verify.core.change.amounts import Amount
 from bim_verify.core.change.decide import Decision, element_state, partly_gone, ratios
 from bim_verify.core.change.look import ElementSight
 from bim_verify.core.change.overlap import overlap
-from bim_verify.core.change.own_evidence import clearly_inside, shows_gone, shows_standing
+from bim_verify.core.change.own_evidence import clearly_inside, clearly_outside, shows_gone, shows_standing
 from bim_verify.core.change.results import STATES, ChangeResult, ElementChange
 from bim_verify.core.change.shared_surface import find_shared
 from bim_verify.core.change.solids import mesh_volumes, voxelise
@@ -268,6 +268,23 @@ def test_beams_beside_the_outline_do_not_pass_through() -> None:
         through = np.array([[3.0, 2.1 - away, 1.25]])
         seen = a_sighting(of, station[0] + 2.0 * (through[0] - station[0]))
         assert clearly_inside(seen, samples, station, surfaces, 0.0)[0] == passes, away
+
+
+@pytest.mark.parametrize(
+    "beside, registration, tells",
+    [(0.03, 0.0, True), (0.006, 0.0, True), (0.003, 0.0, False), (0.006, 0.002, False), (-0.01, 0.0, False)],
+)
+def test_beams_whose_light_may_meet_a_moved_element_do_not_tell_that_it_stays(
+    beside: float, registration: float, tells: bool
+) -> None:
+    """The box slid by 60 mm; at 2 m a beam has a radius of 3.3 mm."""
+    model = with_box(house(), (3.0, 2.0, 1.2), (3.1, 2.1, 1.3))
+    samples = sample_surface(model, 0.02)
+    of = int(np.flatnonzero((samples.element == len(PLAN)) & (samples.normal[:, 0] < -0.5))[0])
+    station, shift = np.array([[1.0, 2.05, 1.25]]), np.array([0.0, -0.06, 0.0])
+    through = np.array([3.0, 2.04 + beside, 1.25])
+    seen = a_sighting(of, station[0] + 2.0 * (through - station[0]))
+    assert clearly_outside(seen, samples, station, ElementSurfaces(model), shift, registration)[0] == tells
 
 
 def a_sighting(sample: int, point: np.ndarray) -> Sightings:

@@ -6,6 +6,7 @@ import base64
 import csv
 import dataclasses
 import io
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -165,6 +166,23 @@ def test_shapes_of_an_earlier_run_are_removed_and_other_files_kept(tmp_path: Pat
     with all_or_none():
         assert write_remaining(tmp_path, now) == []
     assert not old.exists() and other.exists()
+
+
+@pytest.mark.parametrize("again", [str.swapcase, str], ids=["other case", "the same"])
+def test_shapes_of_elements_that_share_an_id_have_files_of_their_own(again: Callable[[str], str], tmp_path: Path) -> None:
+    """Names that differ by case are one file on some systems."""
+    parts = {"partition": (((6.0, 0.0, 0.0), (6.2, 1.4, 3.0)),), "ceiling": (((0.0, 0.0, 2.7), (3.0, 4.0, 2.72)),)}
+    result = change(house(), [scan(built({}, (), parts), seed=6)], None, OPTIONS)
+    ceiling = list(PLAN).index("ceiling")
+    elements = list(result.elements)
+    elements[ceiling] = dataclasses.replace(elements[ceiling], global_id=again(elements[ROW].global_id))
+    with all_or_none():
+        written = write_remaining(tmp_path, dataclasses.replace(result, elements=tuple(elements)))
+    assert len({path.name.lower() for path in written}) == 2
+    rows = list(csv.DictReader((tmp_path / "remaining.csv").read_text("utf-8-sig").splitlines()))
+    assert [(r["File"], r["GlobalId"]) for r in rows] == [
+        (path.name, elements[row].global_id) for path, row in zip(written, result.remaining, strict=True)
+    ]
 
 
 def test_the_report_shows_what_is_left_of_an_element() -> None:

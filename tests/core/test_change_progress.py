@@ -183,12 +183,21 @@ class Schedule:
         value = self.file.create_entity(
             "IfcPropertyEnumeratedValue", "Status", EnumerationValues=[self.file.create_entity("IfcLabel", word)]
         )
-        common = self.file.create_entity(
-            "IfcPropertySet", ifcopenshell.guid.new(), Name="Pset_WallCommon", HasProperties=[value]
-        )
+        self.properties(product, "Pset_WallCommon", value)
+
+    def phases(self, product: ifcopenshell.entity_instance, name: str, phases: dict[str, str]) -> None:
+        self.properties(product, name, *(
+            self.file.create_entity("IfcPropertySingleValue", key, NominalValue=self.file.create_entity("IfcLabel", value))
+            for key, value in phases.items()
+        ))
+
+    def properties(
+        self, product: ifcopenshell.entity_instance, name: str, *values: ifcopenshell.entity_instance
+    ) -> None:
+        found = self.file.create_entity("IfcPropertySet", ifcopenshell.guid.new(), Name=name, HasProperties=list(values))
         self.file.create_entity(
             "IfcRelDefinesByProperties", ifcopenshell.guid.new(), RelatedObjects=[product],
-            RelatingPropertyDefinition=common,
+            RelatingPropertyDefinition=found,
         )
 
     def aggregate(self, whole: ifcopenshell.entity_instance, part: ifcopenshell.entity_instance) -> None:
@@ -255,6 +264,54 @@ def test_tasks_of_upkeep_say_nothing_of_when_an_element_stands() -> None:
     schedule.status(wall, "EXISTING")
     assert schedule.plan(wall).source == "status" and schedule.plan(other) == Planned()
     assert judge(schedule.plan(wall), expected_state(schedule.plan(wall), DAY), "CONFIRMED") == ("on time", True)
+
+
+@pytest.mark.parametrize(
+    ("schema", "kind", "own", "act"),
+    [
+        ("IFC4", "USERDEFINED", "Maintenance", None),
+        ("IFC2X3", None, "MAINTENANCE", None),
+        ("IFC4", "USERDEFINED", "Removal of formwork", None),
+        ("IFC4", "CONSTRUCTION", "Removal of formwork", "build"),
+        ("IFC4", "NOTDEFINED", "demolition", "demolish"),
+        ("IFC2X3", None, "Dismantle", "demolish"),
+        ("IFC4", "USERDEFINED", "Masonry", "build"),
+    ],
+)
+def test_what_a_task_does_in_its_own_words(schema: str, kind: str | None, own: str, act: str | None) -> None:
+    """A task that only mentions a demolition says nothing of its products."""
+    schedule = Schedule()
+    schedule.file = ifcopenshell.file(schema=schema)
+    wall, task = schedule.add("IfcWall"), schedule.add("IfcTask")
+    task.IsMilestone, task.ObjectType, task.Name = False, own, "Work"
+    if kind:
+        task.PredefinedType = kind
+    relation = schedule.add("IfcRelAssignsToProcess")
+    relation.RelatedObjects, relation.RelatingProcess = [wall], task
+    plan = schedule.plan(wall)
+    assert (plan.act or None, plan.source or None) == (act, act and "task")
+
+
+@pytest.mark.parametrize(
+    ("name", "phases", "act"),
+    [
+        ("Phasing", {"Phase Created": "New Construction", "Phase Demolished": "None"}, "build"),
+        ("Phasing", {"Phase Created": "Existing", "Phase Demolished": "Not demolished"}, ""),
+        ("Phasing", {"Phase Created": "Existing", "Phase Demolished": "2"}, "demolish"),
+        ("Phasing", {"Phase Created": "Existing (renewed facade)"}, ""),
+        ("Phasen", {"Phase erstellt": "Bestand", "Phase abgebrochen": "Neubau"}, "demolish"),
+        ("Phasen", {"Phase erstellt": "Neubau", "Phase abgebrochen": "Keine"}, "build"),
+        ("Phases", {"Phase de création": "Existant", "Phase de démolition": "Nouvelle construction"}, "demolish"),
+        ("Fasering", {"Fase gebouwd": "Bestaand", "Fase gesloopt": "Nieuwbouw"}, "demolish"),
+        ("Fasering", {"Fase gebouwd": "Nieuwbouw", "Fase gesloopt": "Geen"}, "build"),
+        ("Vaiheet", {"Luotu": "Uusi"}, ""),
+    ],
+)  # fmt: skip
+def test_phases_in_the_language_of_the_program_that_wrote_them(name: str, phases: dict[str, str], act: str) -> None:
+    schedule = Schedule()
+    wall = schedule.add("IfcWall")
+    schedule.phases(wall, name, phases)
+    assert schedule.plan(wall).act == act
 
 
 @pytest.mark.parametrize(("word", "act"), [("DEMOLISH", "demolish"), ("EXISTING", ""), (None, "build")])
