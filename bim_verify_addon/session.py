@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from ..core.change.results import ChangeResult
+    from ..core.imagery.coregistration import CoregistrationResult
     from ..core.model.elements import BuildingModel
     from ..core.planning.results import PlanResult
     from ..core.quality.results import QualityResult
@@ -66,6 +67,8 @@ class Session:
     """``scene[survey_scene.SURVEY_KEY]`` -> scan quality."""
     plans: dict[str, PlanResult] = field(default_factory=dict)
     """``scene[survey_scene.PLAN_KEY]`` -> where to stand."""
+    photos: dict[str, CoregistrationResult] = field(default_factory=dict)
+    """``scene[photo_scene.RESULT_KEY]`` -> photos placed on the model."""
     alignments: dict[str, AlignmentRecord] = field(default_factory=dict)
     job: RunningJob | None = None
     ending: threading.Thread | None = None
@@ -91,6 +94,10 @@ class Session:
         """The same for a plan."""
         return _keep(self.plans, result, RESULTS_KEPT)
 
+    def keep_photos(self, result: CoregistrationResult) -> str:
+        """The same for photos placed on the model."""
+        return _keep(self.photos, result, RESULTS_KEPT)
+
     def keep_edits(self, edits: tuple[Edit, ...]) -> str:
         """The same for what an operator has to write into the model."""
         return _keep(self.edits, edits, EDITS_KEPT)
@@ -104,6 +111,7 @@ class Session:
         self.edits.clear()
         self.surveys.clear()
         self.plans.clear()
+        self.photos.clear()
         self.alignments.clear()
         self.job = None
 

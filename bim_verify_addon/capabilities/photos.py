@@ -23,6 +23,8 @@ def _state(scene: bpy.types.Scene) -> StepState:
 def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     main_button(layout, "coregister", "IMAGE_BACKGROUND")
     layout.operator("bim_verify.bundle", icon="OUTLINER_OB_POINTCLOUD")
+    if photo_scene.RESULT_KEY in context.scene:
+        layout.operator("bim_verify.export_cameras", icon="EXPORT")
     item = context.object
     if item is not None and bundle_scene.BUNDLE_KEY in item and item.type == "CAMERA":
         wrapped(layout.box(), context, f"{item[bundle_scene.BUNDLE_KEY]}: {item['note']}")

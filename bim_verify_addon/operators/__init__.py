@@ -9,6 +9,7 @@ from .coregister import BIMVERIFY_OT_coregister
 from .decide import BIMVERIFY_OT_decide
 from .displacement import BIMVERIFY_OT_displacement
 from .export_bcf import BIMVERIFY_OT_export_bcf
+from .export_cameras import BIMVERIFY_OT_export_cameras
 from .export_change import BIMVERIFY_OT_export_change
 from .export_displacement import BIMVERIFY_OT_export_displacement
 from .export_ifc import BIMVERIFY_OT_export_ifc
@@ -47,6 +48,7 @@ CLASSES = (
     BIMVERIFY_OT_remove_reference,
     BIMVERIFY_OT_export_change,
     BIMVERIFY_OT_coregister,
+    BIMVERIFY_OT_export_cameras,
     BIMVERIFY_OT_bundle,
     BIMVERIFY_OT_look_through,
     BIMVERIFY_OT_select_findings,

@@ -12,6 +12,7 @@ from ...core.errors import BimVerifyError
 from ...core.progress import Progress
 from .. import project
 from ..jobs import Work
+from ..session import SESSION
 from ..shared_settings import LOA_ITEMS
 from .file_browser import FileJob, has_model, idle
 
@@ -62,10 +63,12 @@ class BIMVERIFY_OT_coregister(FileJob["CoregistrationResult"], bpy.types.Operato
         return work
 
     def finish(self, context: bpy.types.Context, value: CoregistrationResult) -> str:
-        from ..photo_scene import show_photos
+        from ..photo_scene import CAMERAS_KEY, RESULT_KEY, show_photos
 
         project.adopt_frame(context.scene, value.model)
         message = show_photos(context.scene, value)
+        context.scene[RESULT_KEY] = SESSION.keep_photos(value)
+        context.scene[CAMERAS_KEY] = bpy.path.abspath(self.filepath)
         context.view_layer.objects.active = context.scene.camera  # the panel says how well it is placed
         self.warn(value.warnings)
         return message

@@ -46,6 +46,10 @@ class ResultFolder(FileJob[str]):
         """What to write of it; called on the main thread."""
         raise NotImplementedError
 
+    def sources(self, scene: bpy.types.Scene, found: Any) -> list[str]:
+        """Files that the result was made from, which must not be written over."""
+        return [found.model.path]
+
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if cls.found(context.scene) is not None:
@@ -69,7 +73,7 @@ class ResultFolder(FileJob[str]):
         if folder.is_file():
             raise BimVerifyError(f"{folder} is a file. Give a folder.")
         parts = self.parts(found)
-        inputs.refuse(context.scene, *(folder / name for name, _ in parts), beside=[found.model.path])
+        inputs.refuse(context.scene, *(folder / name for name, _ in parts), beside=self.sources(context.scene, found))
 
         def work(progress: Progress) -> str:
             with all_or_none():

@@ -36,6 +36,11 @@ def element_state(
     return _against_epoch(model, row, now, before, amount, tolerance)
 
 
+def undecided(found: Decision) -> Decision:
+    """A change that may be an error of the place of a block of photos."""
+    return Decision("UNKNOWN", f"{found.reason} But all photos may be off by as much: nothing but given poses fixes them.")
+
+
 def partly_gone(model: BuildingModel, row: int, deep_share: float) -> bool:
     """Whether rays crossed more of an element that stands than models usually leave out.
 

@@ -86,15 +86,17 @@ class EpochSight:
     registration_sigma: float
     see_through: bool
     tolerance: float
+    place_open: bool = False
+    """Whether photos alone say where it was seen from, and may all be off by more than the window of a planned surface."""
 
 
 def look_at_elements(
     model: BuildingModel, samples: SurfaceSamples, scene: RayScene, stations: StationIndexes, *, sigma: float,
-    edge: float, registration_sigma: float | None, progress: Progress, parts: Parts = frozenset(),
+    edge: float, registration_sigma: float | None, progress: Progress, parts: Parts = frozenset(), place: float = 0.0,
 ) -> EpochSight:
     """Decide for each element what this epoch shows. Raises BimVerifyError when no return comes near the model.
 
-    ``parts`` names elements that are parts of others.
+    ``parts`` names elements that are parts of others; ``place`` [m] is the least registration sigma where none is given.
     """
     thresholds = Thresholds()
     surfaces = ElementSurfaces(model)
@@ -111,7 +113,8 @@ def look_at_elements(
             "register the scan."
         )
     errors = estimate_errors(seen, samples, sigma, window, len(stations.stations), registration_sigma)
-    registration_sigma = errors.registration.sigma
+    place_open = registration_sigma is None and 2.0 * place > window
+    registration_sigma = max(errors.registration.sigma, place) if registration_sigma is None else registration_sigma
     context = Context(
         loa=LOA, sigma=sigma, registration_sigma=registration_sigma, errors=errors, window=window,
         see_through=looks_through_glass(scenery, seen, window), thresholds=thresholds,
@@ -151,7 +154,7 @@ def look_at_elements(
             for row, (plan, best) in enumerate(zip(found.plans, best_places, strict=True))
         )
         known_gone = np.array([e.seen in ("GONE", "MOVED") for e in elements])
-    return EpochSight(elements, registration_sigma, context.see_through, tolerance)
+    return EpochSight(elements, registration_sigma, context.see_through, tolerance, place_open)
 
 
 def _sight(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ..files import all_or_none
 from ..progress import Progress
-from . import classify, compare, coregister, displacement, facade, plan, quality, reconstruct, update
+from . import bundle, classify, compare, coregister, displacement, facade, plan, quality, reconstruct, update
 from .table import Command, Outcome, Values
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Stop = tuple[str, Command, dict[str, object]]
 """What it shows, the command, and those of its values that are not the defaults."""
-STOPS = 9
+STOPS = 10
 
 
 def tour(folder: Path, shared: Values, progress: Progress) -> Iterator[str]:
@@ -46,7 +46,7 @@ def tour(folder: Path, shared: Values, progress: Progress) -> Iterator[str]:
 
 def _stops(folder: Path, model: BuildingModel, seed: int) -> Iterator[Stop]:
     """Lazily, so that each stop's files are made just before it."""
-    from ..simulation.tour_files import write_facade_photo, write_house_photos
+    from ..simulation.tour_files import write_facade_photo, write_house_block, write_house_photos
     from ..simulation.wall_example import GUID, write_wall_example
 
     house, scan = str(folder / "house.ifc"), str(folder / "scan.e57")
@@ -73,6 +73,10 @@ def _stops(folder: Path, model: BuildingModel, seed: int) -> Iterator[Stop]:
     yield "Photos placed on the model", coregister.COMMAND, {
         "model": house, "image": [str(path) for path in photos.images], "cameras": str(photos.cameras),
         "out": str(folder / "photos" / "cameras_refined.json"), "report": str(folder / "coregister"),
+    }
+    block = write_house_block(model, folder / "block", seed)
+    yield "A block of photos of the living room adjusted", bundle.COMMAND, {
+        "project": str(block.project), "out": str(folder / "block" / "block_adjusted.json"), "report": str(folder / "bundle"),
     }
     front = write_facade_photo(folder / "facade_photo")
     yield f"A mock-up of a street front with {front.openings} openings from a photo", facade.COMMAND, {

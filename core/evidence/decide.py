@@ -150,14 +150,14 @@ def conclude(
     vector, sigma, length, significant = _test(best.fit, context)
     standing = standing_shares(element.ifc_class, model.transparent[samples.triangle[rows]], t)
     status, reason = _status(plan, best, whole, seen_area, ratio[context.loa], length, bound, standing, context)
-    shape = status == "DEVIATING" and best is plan and (length is None or length <= bound)
-    place_open = context.registration_sigma > bound and status in ("CONFIRMED", "DEVIATING")
-    if not significant and (place_open or (shape and context.registration_sigma > level_sigma(context.loa))):
-        near = np.abs(deviation[measured]) <= bound + 2.0 * context.registration_sigma
-        if area[measured][near].sum() >= t.present_share * max(seen_area, float(area[measured].sum())):
-            status, reason = "PARTIAL", _too_uncertain(length, context)
+    near = np.abs(deviation[measured]) <= bound + 2.0 * context.registration_sigma
+    near_share = area[measured][near].sum() / max(seen_area, float(area[measured].sum()), 1e-12)
+    if not significant and _open(status, length if length is not None else 0.0, best is plan, near_share, bound, context):
+        status, reason = "PARTIAL", _too_uncertain(length, context)
     if status in ("ABSENT", "NOTOBSERVED"):
         vector = sigma = length = significant = None
+    if status == "ABSENT" and 2.0 * context.registration_sigma > SEARCH_M:
+        status, reason = "PARTIAL", _too_uncertain(None, context)
     if (status in ("ABSENT", "NOTOBSERVED", "DEVIATING") and best is not plan) or status in ("ABSENT", "NOTOBSERVED"):
         achieved = next((k for k in reversed(LEVELS) if length is not None and length <= UPPER_BOUND_M[k]), None)
     near = measured if status not in ("ABSENT", "NOTOBSERVED") else np.zeros_like(measured)
@@ -173,6 +173,19 @@ def conclude(
         measurement_sigma=context.sigma, registration_sigma=context.registration_sigma,
         reason=reason, stations=tuple(context.station_names[s] for s in best.stations),
     )
+
+
+def _open(
+    status: Status, length: float, at_plan: bool, near_share: float, bound: float, context: Context
+) -> bool:
+    """Whether an error of the registration alone may have led to ``status``, of an element that was found ``length`` [m] off.
+
+    ``near_share`` of what was seen lies as near to the plan as such an error and the ``bound`` [m] reach.
+    """
+    if status not in ("CONFIRMED", "DEVIATING") or (at_plan and near_share < context.thresholds.present_share):
+        return False
+    shape = status == "DEVIATING" and at_plan and length <= bound
+    return context.registration_sigma > (level_sigma(context.loa) if shape else bound)
 
 
 def _too_uncertain(length: float | None, context: Context) -> str:

@@ -41,6 +41,18 @@ def place_sigma(blocks: Sequence[BlockPoints]) -> float:
     return max((b.place_sigma for b in blocks), default=0.0)
 
 
+def adjusted_freely(place: float, stated: float | None = None) -> str:
+    """What a block that nothing fixes means, and what to do, without a full stop; ``place`` [m] counts for it, or what was
+    ``stated`` [m]."""
+    counted = f"{1000 * place:.0f} mm, as its cameras' positions, are counted for that"
+    if stated is not None:
+        counted = f"{1000 * stated:.1f} mm are counted for that, as you stated"
+    return (
+        f"A block of photos has no control points and was adjusted freely, so it stands and is scaled as its cameras were "
+        f"given: {counted}. Give control points, tie it to the model (bundle --edges)"
+    )
+
+
 def read_dense(
     paths: Sequence[str | Path], transform: Array, origin: Array, blocks: Sequence[BlockPoints], photo: PhotoCampaign | None,
     preset: str, memory_gb: float,

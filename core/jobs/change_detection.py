@@ -17,7 +17,7 @@ from ... import __version__
 from ..change.amounts import Absent, Amount, amounts
 from ..change.closing import close_gone
 from ..change.clusters import find_clusters
-from ..change.decide import element_state, ratios
+from ..change.decide import element_state, ratios, undecided
 from ..change.look import EpochSight, look_at_elements, sensor_model
 from ..change.parts import Parts, read_parts
 from ..change.planned import Planned, parse_date, read_planned, reversed_tasks
@@ -27,6 +27,7 @@ from ..change.solids import SolidVoxels, fitting_edge, voxelise
 from ..change.voxels import Universe, compare, count_states, held_voxels, universe, voxel_cloud
 from ..errors import BimVerifyError
 from ..evidence.collect import StationIndexes
+from ..evidence.photo_campaign import adjusted_freely, place_sigma
 from ..model.elements import BuildingModel
 from ..model.load import open_ifc
 from ..model.raycast import RayScene
@@ -39,7 +40,7 @@ from ..progress import Progress
 from ..scans.campaign import ScanSource
 from ..scans.store import ReturnStore
 from ..sensing.loa import label, supported_level, worst_voxel_shift
-from .inputs import Stopwatch, limited_threads, open_campaign, open_model
+from .inputs import Stopwatch, limited_threads, open_model, open_with_blocks
 
 Scans = ScanSource | Sequence[str | Path]
 MODEL = "model"
@@ -82,7 +83,8 @@ def change(
         views = []
         for n, (name, scans) in enumerate(zip(names, campaigns, strict=True)):
             part = progress.part(0.15 + 0.6 * n / len(campaigns), 0.15 + 0.6 * (n + 1) / len(campaigns))
-            source = open_campaign(model, scans, options)
+            source, blocks = open_with_blocks(model, scans, options)
+            place = place_sigma(blocks)
             store = stack.enter_context(
                 ReturnStore(source, options.memory_gb * 0.5 / len(campaigns), part.part(0.0, 0.3))
             )
@@ -95,12 +97,13 @@ def change(
             sight = look_at_elements(
                 model, samples, scene, stations, sigma=options.sigma, edge=edge,
                 registration_sigma=options.registration_sigma, progress=part.part(0.3, 0.9), parts=parts,
+                place=place,
             )
             occupied = occupied_voxels(
                 stations, grid, options.min_points, sensor_model(options.sigma), part.part(0.9, 1.0),
                 model.bounds + np.array([[-BESIDE_M], [BESIDE_M]]),
             )
-            views.append(_View(name, source, store, stations, sight, occupied))
+            views.append(_View(name, source, store, stations, sight, occupied, place))
         watch.lap("looking at elements")
         world = universe(solids, [v.occupied for v in views])
         seen = [
@@ -127,6 +130,8 @@ class _View:
     stations: StationIndexes
     sight: EpochSight
     occupied: Occupied
+    place: float
+    """See ``photo_campaign.place_sigma``."""
 
     @property
     def date(self) -> str:
@@ -224,13 +229,17 @@ def _elements(
     plans: tuple[Planned, ...], day: date | None,
 ) -> tuple[ElementChange, ...]:
     tolerance = max(now.tolerance, before.tolerance) if before else now.tolerance
+    place_open = now.place_open or (before is not None and before.place_open)
     changes = []
     for row, element in enumerate(model.elements):
         mine, then = now.elements[row], before.elements[row] if before else None
         amount = found[row] or Amount()
         decision = element_state(model, row, mine, then, amount, tolerance)
+        in_doubt = place_open and decision.state not in ("CONFIRMED", "UNKNOWN")
+        if in_doubt:
+            decision = undecided(decision)
         what = decision.state
-        shares = ratios(decision, found[row], mine, then)
+        shares = ratios(decision, Amount() if place_open else found[row], mine, then)
         volume = float(solids.volume[row])
         expected = expected_state(plans[row], day)
         progress, agrees = judge(plans[row], expected, what)
@@ -238,7 +247,7 @@ def _elements(
             element.global_id, element.ifc_class, element.name, element.storey, what, *shares, volume,
             disappeared_volume=shares[1] * volume, built_volume=(shares[0] + shares[2]) * volume,
             shift=_shift(mine, then), expected=expected, agrees=agrees, progress=progress, reason=decision.reason,
-            moved=mine.seen == "MOVED", standing_ratio=standing_ratio(mine, what, shares),
+            moved=mine.seen == "MOVED" and not in_doubt, standing_ratio=standing_ratio(mine, what, shares),
         ))
     return tuple(changes)
 
@@ -288,6 +297,10 @@ def _warnings(
             f"{1000 * worst_voxel_shift(edge):.1f} mm, which supports {label(level)} at most "
             f"({label(supported_level(edge, relative=True))} for distances between voxels)."
         )
+    if (place := max(view.place for view in views)) > 0.0:
+        yield f"{adjusted_freely(place, options.registration_sigma)}, or state --registration-sigma-mm."
+        if any(view.sight.place_open for view in views):
+            yield "The place of a block of photos is known too badly for that: no element is called new, moved or gone."
     for view in views:
         share = view.occupied.sparse / max(view.occupied.count, 1)
         if share > 0.01:

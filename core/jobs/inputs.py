@@ -9,13 +9,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..errors import BimVerifyError
+from ..imagery.block_points import BlockPoints
 from ..model.elements import BuildingModel
 from ..model.load import load_model
 from ..options import InputOptions
 from ..progress import Progress
 from ..scans.campaign import ScanSource
 from ..scans.frame import to_model_frame
-from ..scans.open import open_scans
+from ..scans.open import Campaign, open_scans
 from ..scans.stated_origin import impossible_stations
 
 
@@ -33,11 +34,19 @@ def open_campaign(
 
     Raises BimVerifyError when a station has no position, or one at which no scanner can have stood.
     """
+    return open_with_blocks(model, scans, options)[0]
+
+
+def open_with_blocks(
+    model: BuildingModel, scans: ScanSource | Sequence[str | Path], options: InputOptions
+) -> tuple[ScanSource, tuple[BlockPoints, ...]]:
+    """The same, and the blocks of photos among the scans, as their files have them."""
     source = open_scans(scans, origin=options.origin) if isinstance(scans, Sequence) else scans
     check_stations(source)
     if options.origin is None:
         _check_stated_origins(source)
-    return to_model_frame(model, source, options.scan_frame)
+    blocks = source.photo_blocks if isinstance(source, Campaign) else ()
+    return to_model_frame(model, source, options.scan_frame), blocks
 
 
 @dataclass

@@ -11,6 +11,7 @@ import numpy as np
 from ... import __version__
 from ..errors import BimVerifyError
 from ..evidence.collect import StationIndexes
+from ..evidence.photo_campaign import adjusted_freely, place_sigma
 from ..evidence.registration import FALLBACK_M
 from ..model.elements import BuildingModel
 from ..model.raycast import RayScene
@@ -30,7 +31,7 @@ from ..quality.results import PatchQuality, QualityResult, StationQuality
 from ..quality.survey import Survey, survey
 from ..scans.campaign import ScanSource
 from ..scans.store import ReturnStore
-from .inputs import Stopwatch, limited_threads, open_campaign, open_model
+from .inputs import Stopwatch, limited_threads, open_model, open_with_blocks
 
 FARTHEST_EDGE_M = 0.5
 """Beyond it a sample counts as far from any edge."""
@@ -53,7 +54,8 @@ def quality(
         watch = Stopwatch()
         model = open_model(model, options, progress.part(0.0, 0.1))
         watch.lap("tessellation")
-        source = open_campaign(model, scans, options)
+        source, blocks = open_with_blocks(model, scans, options)
+        place = place_sigma(blocks)
         progress.update(0.1, "Spreading query positions over the model")
         scene = RayScene(model)
         samples = sample_surface(
@@ -96,7 +98,7 @@ def quality(
         ).astype(np.float64)
         assessor = Assessor(
             model, samples, found, blocked, clutter, overlap, edges, main_faces(model, face, seen_area), registration,
-            names, positions, options,
+            place, names, positions, options,
         )
         elements, patches = [], list[PatchQuality]()
         for row in range(len(model.elements)):
@@ -110,12 +112,12 @@ def quality(
             stations=tuple(_stations(store, stations, found, overlap, samples.area, counts, model)), clutter=clutter,
             factors=nine_factors(
                 whole, tuple(elements), edges, color, everywhere if math.isfinite(everywhere) else None, sum(counts),
-                source.paths,
+                source.paths, place,
             ),
-            whole=whole, samples=samples, survey=found, blocked=blocked, registration_sigma=registration,
+            whole=whole, samples=samples, survey=found, blocked=blocked, registration_sigma=math.hypot(registration, place),
             scan_paths=source.paths, scan_date=max((s.acquired for s in store.stations), default=""),
             method=f"bim_verify {__version__} quality", timings=watch.seconds,
-            warnings=tuple(_warnings(model, spacing, options, math.isfinite(everywhere))),
+            warnings=tuple(_warnings(model, spacing, options, math.isfinite(everywhere), place)),
         )
 
 
@@ -137,7 +139,9 @@ def _stations(
         )
 
 
-def _warnings(model: BuildingModel, spacing: float, options: QualityOptions, overlapping: bool) -> Iterator[str]:
+def _warnings(model: BuildingModel, spacing: float, options: QualityOptions, overlapping: bool, place: float) -> Iterator[str]:
+    if place > 0.0:
+        yield f"{adjusted_freely(place)}."
     if not overlapping:
         yield (
             f"No surface was seen from two stations, so how well they agree is not known; {1000 * FALLBACK_M:.0f} mm are "

@@ -18,7 +18,7 @@ from ..evidence.decide import Context
 from ..evidence.error_model import estimate_errors
 from ..evidence.fuse_samples import fuse_samples
 from ..evidence.gather import SensorModel
-from ..evidence.photo_campaign import photo_campaign, place_sigma, read_dense, shared_sigma
+from ..evidence.photo_campaign import adjusted_freely, photo_campaign, place_sigma, read_dense, shared_sigma
 from ..evidence.photo_table import photo_table
 from ..evidence.scenery import Scenery, with_glass
 from ..evidence.sightings import Sightings
@@ -33,12 +33,11 @@ from ..options import VerifyOptions
 from ..progress import Progress
 from ..results import AlignmentRecord, ElementPhotos, ElementVerdict, StationRecord, VerificationResult
 from ..scans.campaign import ScanSource
-from ..scans.open import Campaign, open_scans
 from ..scans.store import ReturnStore
 from ..sensing.loa import UPPER_BOUND_M, level_sigma
 from ..sensing.presets import PRESETS, ZONE_SIGMAS
 from .asked import narrowed
-from .inputs import Stopwatch, limited_threads, open_campaign, open_model
+from .inputs import Stopwatch, limited_threads, open_campaign, open_model, open_with_blocks
 
 
 def verify(
@@ -59,9 +58,7 @@ def verify(
         watch = Stopwatch()
         model = open_model(model, options, progress.part(0.0, 0.1))
         watch.lap("tessellation")
-        opened = open_scans(scans, origin=options.origin) if isinstance(scans, Sequence) else scans
-        blocks = opened.photo_blocks if isinstance(opened, Campaign) else ()
-        source = open_campaign(model, opened, options)
+        source, blocks = open_with_blocks(model, scans, options)
         return _verify(model, source, blocks, options, progress.part(0.1, 1.0), watch)
 
 
@@ -201,13 +198,8 @@ def _station_records(store: ReturnStore, stations: StationIndexes, context: Cont
 def _warnings(scenery: Scenery, context: Context, options: VerifyOptions, place: float) -> Iterator[str]:
     free = place > 0.0 and options.align == "none"
     if free:
-        counted = f"{1000 * place:.0f} mm, as its cameras' positions, are counted for that"
-        if options.registration_sigma is not None:
-            counted = f"{1000 * context.registration_sigma:.1f} mm are counted for that, as you stated"
-        yield (
-            f"A block of photos has no control points and was adjusted freely, so it stands and is scaled as its cameras were "
-            f"given: {counted}. Give control points, tie it to the model (bundle --edges), or state --registration-sigma-mm."
-        )
+        stated = None if options.registration_sigma is None else context.registration_sigma
+        yield f"{adjusted_freely(place, stated)}, or state --registration-sigma-mm."
     if options.sigma > level_sigma(options.loa):
         yield (
             f"One return's sigma of {1000 * options.sigma:.1f} mm is larger than that of LOA{options.loa} "

@@ -35,11 +35,12 @@ class Assessor:
     def __init__(
         self, model: BuildingModel, samples: SurfaceSamples, found: Survey, blocked: Blocked,
         clutter: tuple[Clutter, ...], overlap: OverlapResiduals, edges: EdgeStudy, faces: list[Face | None],
-        registration: float, station_names: tuple[str, ...], positions: NDArray[np.float64], options: QualityOptions,
+        registration: float, place: float, station_names: tuple[str, ...], positions: NDArray[np.float64],
+        options: QualityOptions,
     ) -> None:
         self.model, self.samples, self.found, self.blocked = model, samples, found, blocked
         self.clutter, self.overlap, self.faces = clutter, overlap, faces
-        self.registration, self.names, self.options = registration, station_names, options
+        self.registration, self.place, self.names, self.options = registration, place, station_names, options
         self.spacing, self.positions = found.spacing, positions
         self.start = samples.first_of(len(model.elements))
         order = np.argsort(edges.element, kind="stable")
@@ -57,7 +58,7 @@ class Assessor:
         returns = self._returns(face, rows)
         table = table_for(face, cache=self.options.cache) if face is not None and returns is not None else None
         error = self._error(table, element.ifc_class, returns)
-        sigma = None if measured.noise is None else math.hypot(measured.noise, self.registration)
+        sigma = None if measured.noise is None else math.hypot(measured.noise, self.registration, self.place)
         loa = supported_loa(sigma, error, measured.coverage, Thresholds.partial_coverage)
         need = self._need(table, element.ifc_class, returns, measured, sigma)
         actions = corrective_actions(measured, need)
@@ -113,7 +114,9 @@ class Assessor:
         if table is None or returns is None:
             return None
         error = table.expected(component_class(ifc_class), returns.spacing, returns.noise, returns.across.tolist())
-        return with_registration(error, self.registration, returns.stations) if math.isfinite(error) else None
+        if not math.isfinite(error):
+            return None
+        return with_registration(error, self.registration, returns.stations, self.place)
 
     def _need(
         self, table: ErrorTable | None, ifc_class: str, returns: FaceReturns | None, measured: Measured, sigma: float | None

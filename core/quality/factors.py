@@ -14,9 +14,12 @@ from .results import ElementQuality, Factor, Measured
 
 def nine_factors(
     whole: Measured, elements: tuple[ElementQuality, ...], edges: EdgeStudy, color: ColorStudy, registration: float | None,
-    returns: int, paths: tuple[str, ...],
+    returns: int, paths: tuple[str, ...], place: float = 0.0,
 ) -> tuple[Factor, ...]:
-    """Resolution, coverage, their consistency, registration, clarity, manageability, colour, accuracy and position."""
+    """Resolution, coverage, their consistency, registration, clarity, manageability, colour, accuracy and position.
+
+    ``place`` [m] is the sigma of where all stations stand together, as far as it is known.
+    """
     return (
         _factor("Resolution", whole.spacing, "m", "median distance between returns on the surfaces seen", 1000, "mm"),
         Factor(
@@ -32,7 +35,7 @@ def nine_factors(
         _manageability(returns, paths, whole),
         _color(color),
         _accuracy(elements),
-        _position(whole, registration),
+        _position(whole, registration, place),
     )
 
 
@@ -88,12 +91,15 @@ def _accuracy(elements: tuple[ElementQuality, ...]) -> Factor:
     return Factor(name, error, "m", f"{1000 * error:.1f} mm: expected error of an as-built model, mean over the surface")
 
 
-def _position(whole: Measured, registration: float | None) -> Factor:
+def _position(whole: Measured, registration: float | None, place: float) -> Factor:
     name = "Positional uncertainty"
     if whole.noise is None or registration is None:
         lacking = "noise" if whole.noise is None else "how well the stations agree"
         return Factor(name, None, "m", f"not measurable from this file: it does not show {lacking}")
-    sigma = math.hypot(whole.noise, registration)
+    sigma = math.hypot(whole.noise, registration, place)
+    if place > 0:
+        text = f"{1000 * sigma:.1f} mm: one return, noise, registration and the place of a block of photos together"
+        return Factor(name, sigma, "m", text)
     return Factor(
         name, sigma, "m", f"{1000 * sigma:.1f} mm: one return, noise and registration together; a shift that all stations "
         "share does not show without control points",

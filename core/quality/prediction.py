@@ -77,9 +77,10 @@ class ErrorTable:
         return math.hypot(surface, math.sqrt(2.0) * sum(sides) / len(sides))
 
 
-def with_registration(error: float, registration: float, stations: float | None) -> float:
-    """The error with what the registration of the stations adds to it: they share none, so their mean is better [m]."""
-    return math.hypot(error, MEAN_OF_NORMAL * registration / math.sqrt(max(stations or 1.0, 1.0)))
+def with_registration(error: float, registration: float, stations: float | None, place: float = 0.0) -> float:
+    """The error with what the registration of the stations adds to it: they share none, so their mean is better; they share
+    the sigma of their ``place`` [m]."""
+    return math.hypot(error, MEAN_OF_NORMAL * registration / math.sqrt(max(stations or 1.0, 1.0)), MEAN_OF_NORMAL * place)
 
 
 def table_for(face: Face, *, cache: bool = True) -> ErrorTable:

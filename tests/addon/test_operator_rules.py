@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from bim_verify.bim_verify_addon import operators, survey_scene, wall_scene
+from bim_verify.bim_verify_addon import operators, photo_scene, survey_scene, wall_scene
 from bim_verify.bim_verify_addon.capabilities import CAPABILITIES
 from bim_verify.bim_verify_addon.jobs import Job
 from bim_verify.bim_verify_addon.operators.file_browser import FileJob
@@ -20,10 +20,10 @@ ONLY_WRITE_FILES = {
     "export_ifc", "export_bcf", "export_change", "export_quality", "export_plan",
     "report", "export_table", "export_dimensions", "export_ids", "export_templates",
     "update_model", "undo_update", "classify", "simulate", "write_facade",
-    "export_displacement",
+    "export_displacement", "export_cameras",
 }  # fmt: skip
 """They change nothing in the scene, so there is nothing to undo."""
-WRITE_FOLDERS = {"report", "export_change", "export_quality", "export_plan"}
+WRITE_FOLDERS = {"report", "export_change", "export_quality", "export_plan", "export_cameras"}
 NEED_NOTHING = {"import_ifc", "import_scan", "facade", "simulate", "export_templates", "bundle"}
 SELECTION = {
     "verify": "selected_only", "plan": "selected", "export_bcf": "selected_only", "export_table": "selected_only",
@@ -69,6 +69,7 @@ def test_one_job_at_a_time(verified: bpy.types.Scene, cls: type) -> None:
     verified[wall_scene.RESULT_KEY] = SESSION.keep_wall(None)  # type: ignore[arg-type]
     verified[survey_scene.SURVEY_KEY] = SESSION.keep_survey(object())  # type: ignore[arg-type]
     verified[survey_scene.PLAN_KEY] = SESSION.keep_plan(object())  # type: ignore[arg-type]
+    verified[photo_scene.RESULT_KEY] = SESSION.keep_photos(object())  # type: ignore[arg-type]
     assert asked(cls)[0]
     SESSION.job = RunningJob("Some work")
     try:

@@ -16,7 +16,7 @@ from PIL import Image
 from bim_verify.bim_verify_addon import overlay, photo_scene, project
 from bim_verify.bim_verify_addon.capabilities import CAPABILITIES
 from bim_verify.bim_verify_addon.session import SESSION
-from bim_verify.core.imagery.cameras_file import CameraList, KnownCamera, camera_to_plain
+from bim_verify.core.imagery.cameras_file import CameraList, KnownCamera, camera_to_plain, read_cameras
 from bim_verify.core.imagery.coregistration import CoregistrationResult
 from bim_verify.core.jobs import coregister as job
 from bim_verify.core.model.elements import BuildingModel
@@ -75,6 +75,29 @@ def test_the_operator_places_cameras_with_their_images(
         assert np.allclose(ends, match.edge + result.model.origin, atol=1e-4)
     titles = dict(overlay.legends(blender))
     assert titles["Photos"].ramp.ticks[-1] == (1.0, "3 px")
+
+
+def test_placed_photos_are_written(
+    blender: bpy.types.Scene, house: Path, files: Path, result: CoregistrationResult, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(job, "coregister", lambda *_: result)
+    ops.import_ifc(filepath=str(house))
+    assert not ops.export_cameras.poll()
+    ops.coregister(filepath=str(files / "cameras.json"))
+    assert ops.export_cameras(filepath=str(tmp_path / "photos")) == {"FINISHED"}
+    assert sorted(p.name for p in (tmp_path / "photos").iterdir()) == ["cameras_refined.json", "coregistration.json", "report"]
+    again = read_cameras(tmp_path / "photos" / "cameras_refined.json").cameras[0].camera
+    assert np.allclose(again.position, result.registrations[0].camera.position + result.model.origin)
+    assert "</html>" in (tmp_path / "photos" / "report" / "index.html").read_text(encoding="utf-8")
+    lines = json.loads((tmp_path / "photos" / "coregistration.json").read_text())["cameras"][0]["lines"]
+    assert len(lines) == len(result.registrations[0].matches)
+    (files / "cameras_refined.json").write_text((files / "cameras.json").read_text())
+    ops.coregister(filepath=str(files / "cameras_refined.json"))
+    with pytest.raises(RuntimeError, match="cameras_refined"):  # the file that the photos were placed from
+        ops.export_cameras(filepath=str(files))
+    SESSION.photos.clear()
+    assert not ops.export_cameras.poll()
 
 
 def test_before_and_after_are_two_cameras(blender: bpy.types.Scene, result: CoregistrationResult) -> None:

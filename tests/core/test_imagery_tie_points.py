@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from bim_verify.core.commands.verify import summary_lines
 from bim_verify.core.evidence.photo_campaign import photo_campaign
 from bim_verify.core.imagery.cameras_file import camera_to_plain
-from bim_verify.core.jobs import verify
+from bim_verify.core.jobs import change, quality, verify
 from bim_verify.core.model.raycast import RayScene
-from bim_verify.core.options import VerifyOptions
+from bim_verify.core.options import ChangeOptions, VerifyOptions
+from bim_verify.core.quality import assess
+from bim_verify.core.quality.options import QualityOptions
+from bim_verify.core.quality.prediction import NOISES_M, SPACINGS_M, ErrorTable
 from bim_verify.core.report.html import render_page
 from bim_verify.core.scans.open import open_scans
 from bim_verify.core.simulation.photo import looking
@@ -80,6 +85,41 @@ def test_a_block_without_control_says_so_and_its_place_counts(tmp_path: Path) ->
     statuses = {v.status for v in found.verdicts}
     assert statuses <= {"PARTIAL", "NOTOBSERVED"}  # nothing is decided to 5 cm from a place known to 15
     assert all("known to 150 mm" in v.reason for v in found.verdicts if v.status == "PARTIAL")
+
+
+def moved_block(path: Path, off: tuple[float, float, float], place_sigma: float) -> Path:
+    """The project, all of it ``off`` [m]."""
+    content = json.loads(project(path, place_sigma=place_sigma).read_text())
+    for entry in content["cameras"]:
+        entry["position"] = (np.array(entry["position"]) + off).tolist()
+    content["points"] = (np.array(content["points"]) + off).tolist()
+    path.write_text(json.dumps(content))
+    return path
+
+
+def test_nothing_is_gone_for_a_block_without_control_that_may_be_off(tmp_path: Path) -> None:
+    options = ChangeOptions(voxel=0.04, sigma=SIGMA_M, sample_spacing=0.1, memory_gb=1.0, cache=False)
+    off = moved_block(tmp_path / "off.json", (0.1, 0.1, 0.1), 0.15)
+    found = change(room(), [[off]], options=options)
+    assert {e.state for e in found.elements} <= {"CONFIRMED", "UNKNOWN"}
+    assert all(e.disappeared_ratio == 0.0 for e in found.elements)
+    assert any("150 mm, as its cameras' positions" in text for text in found.warnings)
+    assert found.epochs[0].registration_sigma == 0.15
+    believed = change(room(), [[off]], options=replace(options, registration_sigma=0.002))
+    assert {e.state for e in believed.elements} & {"DISAPPEARED", "PARTIAL"}
+    assert any("2.0 mm are counted for that, as you stated" in text for text in believed.warnings)
+
+
+def test_quality_counts_the_place_of_a_block_without_control(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    table = ErrorTable(*np.full((2, len(SPACINGS_M), len(NOISES_M)), 0.001))
+    monkeypatch.setattr(assess, "table_for", lambda *_, **__: table)
+    free = project(tmp_path / "free.json", place_sigma=0.15)
+    found = quality(room(), [free], QualityOptions(sample_spacing=0.1, cache=False))
+    assert any("no control points and was adjusted freely" in text for text in found.warnings)
+    assert found.registration_sigma >= 0.15
+    errors = [e.predicted_error for e in found.elements if e.predicted_error is not None]
+    assert errors and min(errors) > 0.1  # cameras of one block share it, so many of them make it no smaller
+    assert next(f for f in found.factors if f.name == "Positional uncertainty").value >= 0.15
 
 
 def test_two_blocks_in_files_of_one_name_are_two_bodies_of_evidence(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -259,6 +260,36 @@ def test_a_given_registration_error_is_used(source: ArraySource) -> None:
     assert found["west"].registration_sigma == 0.004
     sigma = found["west"].displacement_sigma
     assert sigma is not None and 0.001 < sigma < 0.0045
+
+
+@cache
+def a_few_moved() -> ArraySource:
+    return scan(built({
+        "partition": shifted(x=0.03), "cupboard": shifted(x=0.02), "post": shifted(x=0.2), "plate": REMOVED,
+    }))
+
+
+def test_a_place_less_certain_than_the_level_is_not_called_another_shape() -> None:
+    found = by_name(verified(a_few_moved(), registration_sigma=0.009))  # LOA30: 7.5 mm is its sigma, 15 mm its bound
+    assert {found[name].status for name in ("partition", "cupboard", "post")} == {"DEVIATING"}
+    assert found["plate"].status == "ABSENT"
+    for name in ("west", "south", "floor", "column", "valve"):
+        assert found[name].status == "PARTIAL" and "known to 9 mm only" in found[name].reason
+        assert found[name].confirmed_ratio[20] > 0.9 and found[name].achieved_loa == "LOA20"
+
+
+def test_a_place_less_certain_than_the_bound_decides_nothing_but_a_significant_shift() -> None:
+    found = by_name(verified(a_few_moved(), registration_sigma=0.05))
+    for name in ("west", "south", "floor", "column", "valve", "partition", "cupboard"):
+        assert found[name].status == "PARTIAL" and "known to 50 mm only" in found[name].reason
+    assert found["post"].significant and found["post"].status == "DEVIATING"
+    assert found["plate"].status == "ABSENT"
+
+
+def test_what_may_stand_farther_off_than_it_was_looked_for_is_not_absent() -> None:
+    found = by_name(verified(a_few_moved(), registration_sigma=0.15))
+    assert found["plate"].status == "PARTIAL" and "known to 150 mm only" in found["plate"].reason
+    assert "ABSENT" not in {v.status for v in found.values()}
 
 
 def test_the_named_rules_reach_the_same_verdicts(source: ArraySource, result: VerificationResult) -> None:
