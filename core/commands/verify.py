@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from ..errors import BimVerifyError
 from ..options import VerifyOptions
 from ..progress import Progress
 from ..results import STATUSES, VerificationResult
@@ -48,6 +49,8 @@ def _verify(values: Values, progress: Progress) -> Outcome:
     inputs = [values["model"], *values["scan"], *options.dense]
     outputs = [values[key] for key in ("out", "samples", "json", "dimensions", *exports.KEYS) if values[key]]
     check_outputs(inputs, outputs)
+    if values["dimensions"] and Path(values["dimensions"]).suffix.lower() != ".csv":
+        raise BimVerifyError(f"--dimensions {values['dimensions']} must end with .csv.")
     if values["report"]:
         check_report(values["report"], (PAGE, TABLE), inputs, outputs)
     decisions = earlier_decisions(values["model"], values["out"], values["decisions"])

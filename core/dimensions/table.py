@@ -14,7 +14,7 @@ from ..report.csv_out import csv_bytes, guard
 
 HEADER = (
     "Where", "GlobalId", "What", "Between", "Planned_mm", "AsBuilt_mm", "Sigma_mm", "Low95_mm", "High95_mm", "LOA",
-    "PValue", "Limit_mm", "PLimit", "Exceeds",
+    "PValue", "Limit_mm", "PLimit", "Exceeds", "Result",
 )  # fmt: skip
 COLUMNS = ("Where", "What", "Between", "Planned mm", "As built mm", "± mm", "p", "Limit mm", "LOA, or limit")
 NUMERIC = frozenset({3, 4, 5, 6, 7})
@@ -85,7 +85,7 @@ def write_dimensions(path: str | Path, rows: Sequence[Dimension]) -> None:
         (guard(r.where), guard(r.global_id), r.what, guard("; ".join(r.between)),
          *(_mm(v, 2) for v in (r.planned, r.value, r.sigma, *r.interval_95)), r.loa or "", _share(r.p_value, 4),
          _mm(r.limit, 2), _share(r.p_limit, 4),
-         "" if r.exceeds is None else str(r.exceeds).upper())
+         "" if r.exceeds is None else str(r.exceeds).upper(), _result(r))
         for r in rows
     ]  # fmt: skip
     with whole_file(path) as temporary:
@@ -97,9 +97,14 @@ def shown(rows: Sequence[Dimension]) -> list[tuple[str, ...]]:
     return [
         (r.where, r.what, ", ".join(r.between), _mm(r.planned, 1), _mm(r.value, 1), f"{1960 * r.sigma:.1f}",
          _share(r.p_value, 3), _mm(r.limit, 0),
-         r.loa or ("" if r.exceeds is None else "exceeded" if r.exceeds else "kept" if r.keeps else "open"))
+         r.loa or _result(r))
         for r in rows
     ]  # fmt: skip
+
+
+def _result(row: Dimension) -> str:
+    """Of a limit."""
+    return "" if row.exceeds is None else "exceeded" if row.exceeds else "kept" if row.keeps else "open"
 
 
 def _mm(value: float | None, digits: int) -> str:
