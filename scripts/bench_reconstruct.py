@@ -134,7 +134,7 @@ def in_sigmas(rows: list[Dimension], result: Reconstruction, truth: Path) -> dic
     out: dict[str, list[float]] = {}
     for row in rows:
         space = rooms.get(row.where)
-        if space is None:
+        if space is None or row.value is None or row.sigma is None:
             continue
         ring = np.array(space.outline.exterior.coords)[:-1] + result.origin[:2]
         if row.what == "height":
@@ -174,7 +174,7 @@ def intervals(errors: dict[str, list[float]]) -> str:
 
 def largest_gap(rows: list[Dimension]) -> float:
     """Under a straightedge [m]."""
-    return max((r.value for r in rows if r.what.startswith("flatness")), default=0.0)
+    return max((r.value for r in rows if r.what.startswith("flatness") and r.value is not None), default=0.0)
 
 
 def small_p(rows: list[Dimension]) -> str:

@@ -37,7 +37,7 @@ def verify_options(values: Values) -> VerifyOptions:
 
 
 def _verify(values: Values, progress: Progress) -> Outcome:
-    from ..dimensions.as_built import as_built_dimensions
+    from ..dimensions.as_built import as_built_dimensions, opening_shares
     from ..dimensions.table import dimensions_to_json, write_dimensions
     from ..jobs import verify
     from ..model.write_psets import write_verified_ifc
@@ -65,7 +65,7 @@ def _verify(values: Values, progress: Progress) -> Outcome:
     if values["report"]:
         lines.append(f"Report: {Path(values['report']) / PAGE}")
     if dimensions is not None:
-        lines.append(f"Dimensions: {values['dimensions']}, {len(dimensions)} lines")
+        lines.append(f"Dimensions: {values['dimensions']}, {len(dimensions)} lines. {opening_shares(dimensions)}")
     lines += exports.lines(values, result)
 
     def write() -> None:
