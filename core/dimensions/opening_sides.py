@@ -12,7 +12,7 @@ Flags = NDArray[np.bool_]
 
 ROLES = ("width", "height")
 ENOUGH = 0.5
-"""Share of a side that was measured beyond which another reason is likelier."""
+"""Share of a side that is free, or was measured, beyond which another reason is likelier."""
 
 
 def why_not(what: str, normal: Array, exposed: Flags, measured: Flags, fillings: Sequence[str]) -> str:
@@ -28,7 +28,7 @@ def why_not(what: str, normal: Array, exposed: Flags, measured: Flags, fillings:
     for name, own in sides:
         if not own.any():
             told.append(f"nothing bounds it {name}")
-        elif not exposed[own].any():
+        elif exposed[own].mean() < ENOUGH:
             told.append(f"{name} it is covered by {', '.join(fillings) or 'another element'}")
         elif not measured[own & exposed].any():
             told.append(f"it was not seen {name}")

@@ -164,7 +164,7 @@ def test_a_door_ends_at_the_floor_and_what_is_covered_says_so(tmp_path: Path) ->
     made.opening(walls["south"], made.box(0.9, thick + 0.2, 2.1), at(1.0, -thick - 0.1, 0.0)).Name = "bare"
     covered = made.opening(walls["north"], made.box(0.9, thick + 0.2, 2.1), at(1.0, 2.9, 0.0))
     covered.Name = "covered"
-    door = made.product("IfcDoor", "door", made.box(0.9, 0.24, 2.1), at(1.0, 3.0, 0.0))
+    door = made.product("IfcDoor", "door", made.box(0.9, 0.25, 2.1), at(1.0, 3.0, 0.0))
     ifcopenshell.api.feature.add_filling(made.file, opening=covered, element=door)
     model = load_model(made.write(tmp_path / "doors.ifc"), cache=False)
     places = ((1.2, 1.4, 1.5), (1.9, 1.0, 1.3))
