@@ -124,7 +124,9 @@ def agreement(faces: Iterable[FaceReturns], stations: int, stated: float | None)
     shift = turn = Registration(FALLBACK_M, LEAST_FREEDOM)
     if stations <= MOST_STATIONS:
         shift, turn = estimate_agreement((_blocks(f) for f in faces), stations)
-    return Poses(shift.sigma * shift.widening, turn.sigma * turn.widening / LEVER_M)
+    # where few faces are shared, turns look like faults of the faces and their estimate goes to nothing
+    sigma = shift.sigma * shift.widening
+    return Poses(sigma, max(turn.sigma * turn.widening, sigma) / LEVER_M)
 
 
 def _blocks(face: FaceReturns) -> Blocks:
