@@ -78,6 +78,8 @@ class ReconstructOptions(InputOptions):
 
     sigma: float = 0.0025
     """Standard deviation of one return along its ray, metres."""
+    registration_sigma: float | None = None
+    """Standard deviation of a station's position, metres; None: estimated from the stations' agreement."""
 
 
 @dataclass(frozen=True, kw_only=True)

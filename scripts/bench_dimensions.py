@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 PACKAGE = package()
 
-from bim_verify.core.dimensions.as_built import as_built_dimensions  # noqa: E402
+from bim_verify.core.dimensions.as_built import as_built_dimensions, opening_shares  # noqa: E402
 from bim_verify.core.dimensions.table import Dimension  # noqa: E402
 from bim_verify.core.jobs import verify  # noqa: E402
 from bim_verify.core.model.elements import BuildingModel  # noqa: E402
@@ -66,13 +66,17 @@ def true_value(row: Dimension, model: BuildingModel, edits: dict[int, Edit]) -> 
     if any(names.count(name) != 1 for name in row.between):
         return None
     a, b = (names.index(name) for name in row.between)
+    shift = [edits[k].vector if k in edits else np.zeros(3) for k in (a, b)]
+    if row.opening and row.what == "height":
+        # a lintel over a floor, which is the slab
+        below, above = sorted((0, 1), key=lambda k: model.elements[(a, b)[k]].ifc_class)
+        return row.planned + float(shift[above][2] - shift[below][2])
     low, high = model.element_bounds
     axis = across(model, a)
     if abs(float(axis @ across(model, b))) < PARALLEL:
         return None
     if float(axis @ (low[b] + high[b] - low[a] - high[a])) < 0:
         axis = -axis
-    shift = [edits[k].vector if k in edits else np.zeros(3) for k in (a, b)]
     return row.planned + float((shift[1] - shift[0]) @ axis)
 
 
@@ -98,9 +102,13 @@ def main() -> None:
             bumps = Unevenness(uneven, 0.6, number) if uneven > 0 else None
             scan_to_files(Campaign(model, scanner, set_ups, edits, (), number, poses, unevenness=bumps), scan, None)
             own: dict[str, list[tuple[float, float]]] = {}
-            for row in as_built_dimensions(verify(model, [scan], VerifyOptions(sigma=noise))):
-                if (value := true_value(row, model, edits)) is not None:
-                    kind = f"{row.what} {'between two elements' if len(row.between) > 1 else 'of an opening'}"
+            rows = as_built_dimensions(verify(model, [scan], VerifyOptions(sigma=noise)))
+            print(opening_shares(rows))
+            for row in rows:
+                if row.value is not None and row.sigma is not None and (value := true_value(row, model, edits)) is not None:
+                    within = "of an opening" if len(row.between) == 1 else "of a door"
+                    place = within if row.opening else "between two elements"
+                    kind = f"{row.what} {place}"
                     own.setdefault(kind, []).append((row.value - value, row.sigma))
             print(
                 f"noise {1000 * noise:g} mm, registration {1000 * poses[0]:g} mm, uneven {1000 * uneven:g} mm: {told(own)}",

@@ -8,14 +8,19 @@ from typing import Any
 from ..errors import BimVerifyError
 from ..options import ReconstructOptions
 from ..progress import Progress
-from .checks import check_outputs, check_report, input_options, larger_than_zero
+from .checks import check_outputs, check_report, input_options, larger_than_zero, zero_or_more
 from .table import COMMON, ORIGIN, SCANS, Argument, Command, Outcome, Values
 
 
 def reconstruct_options(values: Values) -> ReconstructOptions:
     """Options of a reconstruction from a command's values."""
     larger_than_zero(values, "sigma_mm")
-    return ReconstructOptions(sigma=values["sigma_mm"] / 1000, **input_options(values))
+    zero_or_more(values, "registration_sigma_mm")
+    registration = values["registration_sigma_mm"]
+    return ReconstructOptions(
+        sigma=values["sigma_mm"] / 1000, registration_sigma=None if registration is None else registration / 1000,
+        **input_options(values),
+    )
 
 
 def _reconstruct(values: Values, progress: Progress) -> Outcome:
@@ -32,6 +37,8 @@ def _reconstruct(values: Values, progress: Progress) -> Outcome:
     options = reconstruct_options(values)
     if Path(values["out"]).suffix.lower() != ".ifc":
         raise BimVerifyError(f"--out {values['out']} must end with .ifc.")
+    if values["dimensions"] and Path(values["dimensions"]).suffix.lower() != ".csv":
+        raise BimVerifyError(f"--dimensions {values['dimensions']} must end with .csv.")
     inputs = [*values["scan"], *([values["compare"]] if values["compare"] else [])]
     outputs = [values[key] for key in ("out", "json", "dimensions") if values[key]]
     check_outputs(inputs, outputs)
@@ -50,6 +57,8 @@ def _reconstruct(values: Values, progress: Progress) -> Outcome:
     lines.append(f"Model: {values['out']}")
     if values["dimensions"]:
         lines.append(f"Dimensions: {values['dimensions']}")
+    if values["report"]:
+        lines.append(f"Report: {Path(values['report']) / PAGE}")
 
     def write() -> None:
         write_building_file(values["out"], building)
@@ -69,8 +78,16 @@ COMMAND = Command(
         Argument("--out", "IFC file to write", required=True),
         Argument("--compare", "reference IFC file that the model is compared with"),
         Argument("--sigma-mm", "standard deviation of one return along its ray, millimetres", float, 2.5),
+        Argument(
+            "--registration-sigma-mm",
+            "standard deviation of a station's position, millimetres (default: from the stations' agreement)", float,
+        ),
         ORIGIN,
-        Argument("--dimensions", "CSV file of the rooms' widths and of plumb, square, parallel and flat walls"),
+        Argument(
+            "--dimensions",
+            "CSV file of rooms and openings: widths, heights, vertices, edges, slopes, unevenness, and tests of plumb, square, "
+            "parallel and flat",
+        ),
         Argument("--report", "folder for the report (one HTML page)"),
         *COMMON,
     ),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from ..errors import BimVerifyError
 from ..options import VerifyOptions
 from ..progress import Progress
 from ..results import STATUSES, VerificationResult
@@ -36,7 +37,7 @@ def verify_options(values: Values) -> VerifyOptions:
 
 
 def _verify(values: Values, progress: Progress) -> Outcome:
-    from ..dimensions.as_built import as_built_dimensions
+    from ..dimensions.as_built import as_built_dimensions, opening_shares
     from ..dimensions.table import dimensions_to_json, write_dimensions
     from ..jobs import verify
     from ..model.write_psets import write_verified_ifc
@@ -48,6 +49,8 @@ def _verify(values: Values, progress: Progress) -> Outcome:
     inputs = [values["model"], *values["scan"], *options.dense]
     outputs = [values[key] for key in ("out", "samples", "json", "dimensions", *exports.KEYS) if values[key]]
     check_outputs(inputs, outputs)
+    if values["dimensions"] and Path(values["dimensions"]).suffix.lower() != ".csv":
+        raise BimVerifyError(f"--dimensions {values['dimensions']} must end with .csv.")
     if values["report"]:
         check_report(values["report"], (PAGE, TABLE), inputs, outputs)
     decisions = earlier_decisions(values["model"], values["out"], values["decisions"])
@@ -62,7 +65,7 @@ def _verify(values: Values, progress: Progress) -> Outcome:
     if values["report"]:
         lines.append(f"Report: {Path(values['report']) / PAGE}")
     if dimensions is not None:
-        lines.append(f"Dimensions: {values['dimensions']}, {len(dimensions)} lines")
+        lines.append(f"Dimensions: {values['dimensions']}, {len(dimensions)} lines. {opening_shares(dimensions)}")
     lines += exports.lines(values, result)
 
     def write() -> None:

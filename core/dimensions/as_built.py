@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,17 +17,22 @@ from ..planes.noise import PointNoise
 from ..planes.unevenness import Unevenness, with_unevenness
 from ..results import VerificationResult
 from .corners import Bound, Room, corner_rows
+from .opening_sides import ROLES, why_not
 from .regions import Region, read_regions
-from .table import Dimension, conformity, width
+from .table import Dimension, conformity, unmeasured, width
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 BOUNDING = ("IfcWall", "IfcSlab", "IfcRoof", "IfcCovering", "IfcCurtainWall", "IfcColumn")
 """Classes (and what derives from their names) whose faces bound a room."""
 BEFORE_FACE_M = 0.05
 """So far before a face lies the room that it bounds."""
 BESIDE_OPENING_M = 0.01
+FLOORS = ("IfcSlab", "IfcCovering")
+FLOOR_M = 0.05
+"""A level surface this close to an opening's lower end is the floor under it."""
 LEAST_SAMPLES = 20
 LEAST_SPAN_M = 0.05
 """A face is fixed against turning only if it was seen over this much in both directions."""
@@ -78,16 +83,59 @@ def as_built_dimensions(result: VerificationResult, source: str | Path | None = 
         faces = _faces(result, chosen)
         rows += _room(space, faces, names, shared)
         rows += corner_rows(_bounded(space, faces, names, result.model.origin, shared / np.sqrt(2.0)))
-    host = {e.global_id: k for k, e in enumerate(result.model.elements)}
-    first = result.samples.first_of(len(names))
     for opening in openings:
-        if (element := host.get(opening.host)) is None:
-            continue
-        own = np.arange(first[element], first[element + 1])
-        own = own[measured[own]]
-        own = own[opening.holds(position[own], BESIDE_OPENING_M) & opening.holds(before[own])]
-        rows += _widths(opening, _faces(result, own), names, shared, lambda f: "height" if abs(f.normal[2]) > 0.5 else "width")
+        rows += _opening(opening, result, names, measured, shared)
     return rows
+
+
+def _opening(
+    opening: Region, result: VerificationResult, names: Sequence[str], measured: Flags, shared: float
+) -> list[Dimension]:
+    """Clear width and height: between reveals, lintel and sill or the floor below; else between the inner faces of what
+    stands in it; else a row that says why not.
+    """
+    elements, samples = result.model.elements, result.samples
+    row_of = {e.global_id: k for k, e in enumerate(elements)}
+    if (host := row_of.get(opening.host)) is None:
+        return []
+    first = samples.first_of(len(names))
+    own = np.arange(first[host], first[host + 1])
+    own = own[opening.holds(samples.position[own], BESIDE_OPENING_M)]
+    own = own[opening.holds(samples.position[own] + BEFORE_FACE_M * samples.normal[own])]
+    level = np.flatnonzero((samples.normal[:, 2] > LEVEL_COS) & (np.abs(samples.position[:, 2] - opening.low) < FLOOR_M))
+    level = level[opening.holds(samples.position[level], FLOOR_M)]
+    below = level[[elements[k].ifc_class.startswith(FLOORS) and k != host for k in samples.element[level]]]
+    sides = np.concatenate([own, below])
+    fillings = [row_of[g] for g in opening.fillings if g in row_of]
+    frame = np.concatenate([below, *(np.arange(first[k], first[k + 1]) for k in fillings)])
+    found = list(_widths(opening, _faces(result, sides[measured[sides]]), names, shared))
+    # posts between the inner faces of a frame are within the widest pair
+    inner = {
+        r.what: r for r in sorted(
+            _widths(opening, _faces(result, frame[measured[frame]]), names, shared), key=lambda r: r.planned or 0.0
+        )
+    }  # fmt: skip
+    rows = []
+    for what in ROLES:
+        clear = [r for r in found if r.what == what]
+        if not clear and what in inner:
+            clear = [replace(inner[what], what=f"{what} in the frame")]
+        if not clear and elements[host].ifc_class.startswith("IfcWall"):
+            reason = why_not(what, samples.normal[sides], samples.exposed[sides], measured[sides], [names[k] for k in fillings])
+            clear = [unmeasured(opening.name, opening.global_id, what, (names[host],), reason)]
+        rows += [replace(r, opening=True) for r in clear]
+    return rows
+
+
+def opening_shares(rows: Sequence[Dimension]) -> str:
+    """In a line: of how many openings the width and the height were measured."""
+    told = []
+    for what in ROLES:
+        own = [r for r in rows if r.opening and r.what.startswith(what)]
+        measured = {r.global_id for r in own if r.value is not None}
+        framed = sum(r.what != what for r in own)
+        told.append(f"{what}s of {len(measured)} of {len({r.global_id for r in own})} openings ({framed} within a frame)")
+    return f"Measured: {', '.join(told)}; the others have a line that says why not."
 
 
 def _registration(result: VerificationResult) -> float:
@@ -120,20 +168,44 @@ def _face(result: VerificationResult, rows: Rows) -> Face | None:
     normal = samples.normal[rows].mean(axis=0)
     normal /= np.linalg.norm(normal)
     place = samples.position[rows]
-    points = place + evidence.deviation[rows, None].astype(np.float64) * samples.normal[rows]
+    heights = place + evidence.deviation[rows, None].astype(np.float64) * samples.normal[rows]
     sigma = float(np.nanmedian(evidence.sigma[rows]))
     if not np.isfinite(sigma):
         return None
+    points = _merged(heights, normal, _spacing(result, place.mean(axis=0), normal))
     try:
         # a sample's error lies along the normal: as if it were seen from straight before the face
         plane = fit_plane(points, points + normal, PointNoise(max(sigma, 1e-6), 0.0, 0.0))
     except BimVerifyError:
         return None
-    if min(np.ptp((points - plane.centroid) @ plane.axes.T, axis=0)) < LEAST_SPAN_M or abs(plane.normal @ normal) < 0.9:
+    if min(np.ptp((heights - plane.centroid) @ plane.axes.T, axis=0)) < LEAST_SPAN_M or abs(plane.normal @ normal) < 0.9:
         return None
     plane, bumps = with_unevenness(plane, points)
     plane = plane.facing(plane.centroid + normal)
-    return Face(int(samples.element[rows[0]]), normal, place.mean(axis=0), plane, points, sigma, bumps)
+    return Face(int(samples.element[rows[0]]), normal, place.mean(axis=0), plane, heights, sigma, bumps)
+
+
+def _spacing(result: VerificationResult, place: Array, normal: Array) -> float:
+    """Between returns of the station that sees a face best [m]: root of the area that one stands for."""
+    best = 0.0
+    for station in result.stations:
+        ray = np.asarray(station.position) - result.model.origin - place
+        distance = float(np.linalg.norm(ray))
+        cosine = float(ray @ normal) / max(distance, 1e-9)
+        if cosine > 0 and np.isfinite(station.spacing_rad) and station.spacing_rad > 0:
+            best = max(best, cosine / (distance * station.spacing_rad) ** 2)
+    return float(best**-0.5) if best > 0 else 0.0
+
+
+def _merged(points: Array, normal: Array, spacing: float) -> Array:
+    """Samples nearer to each other than returns share these: they are one, at their mean."""
+    if spacing <= 0.0:
+        return points
+    axes = np.linalg.svd(normal[None])[2][1:]
+    cell = np.floor((points - points.min(axis=0)) @ axes.T / spacing + 1e-9).astype(np.int64)
+    _, index = np.unique(cell, axis=0, return_inverse=True)
+    index = index.ravel()
+    return np.column_stack([np.bincount(index, p) for p in points.T]) / np.bincount(index)[:, None]
 
 
 def _bounded(space: Region, faces: list[Face], names: Sequence[str], origin: Array, registration: float) -> Room:
@@ -156,7 +228,7 @@ def _bound(face: Face, names: Sequence[str]) -> Bound:
 
 
 def _room(space: Region, faces: list[Face], names: Sequence[str], shared: float) -> Iterator[Dimension]:
-    yield from _widths(space, faces, names, shared, lambda f: "height" if abs(f.normal[2]) > 0.5 else "width")
+    yield from _widths(space, faces, names, shared)
     upright = [f for f in faces if abs(f.normal[2]) < UPRIGHT]
     for face in faces:
         between = (names[face.element],)
@@ -178,7 +250,7 @@ def _room(space: Region, faces: list[Face], names: Sequence[str], shared: float)
 
 
 def _widths(
-    region: Region, faces: list[Face], names: Sequence[str], shared: float, what: Callable[[Face], str]
+    region: Region, faces: list[Face], names: Sequence[str], shared: float
 ) -> Iterator[Dimension]:
     for i, a in enumerate(faces):
         for b in faces[i + 1 :]:
@@ -191,7 +263,8 @@ def _widths(
             found = distance_between(a.plane, b.plane, place)
             found = Estimate(found.value, float(np.hypot(found.sigma, shared)))
             between = (names[a.element], names[b.element]) if a.element != b.element else (names[a.element],)
-            yield width(region.name, region.global_id, what(a), between, found, planned)
+            what = "height" if abs(a.normal[2]) > 0.5 else "width"
+            yield width(region.name, region.global_id, what, between, found, planned)
 
 
 def _overlap(a: Face, b: Face) -> Array | None:

@@ -174,7 +174,10 @@ def _face(room: Room, face: Bound) -> Iterator[Dimension]:
     if face.unevenness is not None:
         rows.append(("unevenness", Estimate(face.unevenness.sigma, face.unevenness.sigma_spread), None))
     for what, found, expected in rows:
-        yield measured(room.name, room.global_id, what, (face.name,), found, expected)
+        row = measured(room.name, room.global_id, what, (face.name,), found, expected)
+        if what == "unevenness" and face.unevenness is not None:
+            row = replace(row, interval_95=face.unevenness.interval_95)
+        yield row
 
 
 def _tangent(angle: Estimate) -> Estimate:

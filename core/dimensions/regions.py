@@ -28,6 +28,8 @@ class Region:
     high: float
     host: str = ""
     """GlobalId of the element that an opening is in."""
+    fillings: tuple[str, ...] = ()
+    """GlobalIds of the doors and windows in an opening."""
 
     def holds(self, points: Array, by: float = 0.0) -> NDArray[np.bool_]:
         """(N,) whether (N, 3) points lie in it, or nearer than ``by`` metres."""
@@ -45,14 +47,14 @@ def read_regions(path: str | Path, origin: Array) -> tuple[list[Region], list[Re
     for product in file.by_type("IfcOpeningElement"):
         voids = product.VoidsElements
         host = voids[0].RelatingBuildingElement.GlobalId if voids else ""
-        openings.append((product, host))
+        openings.append((product, host, tuple(r.RelatedBuildingElement.GlobalId for r in product.HasFillings)))
     return (
-        [r for p in file.by_type("IfcSpace") if (r := _region(p, "", origin)) is not None],
-        [r for p, host in openings if host and (r := _region(p, host, origin)) is not None],
+        [r for p in file.by_type("IfcSpace") if (r := _region(p, "", (), origin)) is not None],
+        [r for p, host, fill in openings if host and (r := _region(p, host, fill, origin)) is not None],
     )
 
 
-def _region(product: Any, host: str, origin: Array) -> Region | None:
+def _region(product: Any, host: str, fillings: tuple[str, ...], origin: Array) -> Region | None:
     import ifcopenshell.geom
 
     settings = ifcopenshell.geom.settings()
@@ -72,5 +74,5 @@ def _region(product: Any, host: str, origin: Array) -> Region | None:
     name = " ".join(str(v) for v in (product.Name, getattr(product, "LongName", None)) if v)
     return Region(
         product.GlobalId, name or "(no name)", outline, float(vertices[:, 2].min()),
-        float(vertices[:, 2].max()), host,
+        float(vertices[:, 2].max()), host, fillings,
     )

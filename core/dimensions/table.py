@@ -14,7 +14,7 @@ from ..report.csv_out import csv_bytes, guard
 
 HEADER = (
     "Where", "GlobalId", "What", "Between", "Planned_mm", "AsBuilt_mm", "Sigma_mm", "Low95_mm", "High95_mm", "LOA",
-    "PValue", "Limit_mm", "PLimit", "Exceeds",
+    "PValue", "Limit_mm", "PLimit", "Exceeds", "Result", "Reason",
 )  # fmt: skip
 COLUMNS = ("Where", "What", "Between", "Planned mm", "As built mm", "± mm", "p", "Limit mm", "LOA, or limit")
 NUMERIC = frozenset({3, 4, 5, 6, 7})
@@ -33,9 +33,10 @@ class Dimension:
     between: tuple[str, ...]
     """The elements whose faces were used."""
     planned: float | None
-    value: float
-    sigma: float
-    interval_95: tuple[float, float]
+    value: float | None
+    """None where it could not be measured; ``reason`` then says why."""
+    sigma: float | None
+    interval_95: tuple[float, float] | None
     loa: str | None
     p_value: float | None
     """Of no difference from the plan, or of no deviation at all; None where no plan is known."""
@@ -47,6 +48,10 @@ class Dimension:
     """At 95 %; where it is neither shown to exceed the limit nor to keep it, the question is open."""
     covariance: tuple[float, ...] | None = None
     """Of a vertex: of this coordinate with x, y and z [m2]."""
+    opening: bool = False
+    """Of an opening, not of a room."""
+    reason: str = ""
+    """Why it was not measured."""
 
 
 def measured(
@@ -65,6 +70,11 @@ def width(
     return measured(where, global_id, what, between, found, planned, level_of_accuracy(found.sigma))
 
 
+def unmeasured(where: str, global_id: str, what: str, between: tuple[str, ...], reason: str) -> Dimension:
+    """A row for what could not be measured, and why."""
+    return Dimension(where, global_id, what, between, None, None, None, None, None, None, reason=reason)
+
+
 def conformity(where: str, global_id: str, between: tuple[str, ...], test: Conformity) -> Dimension:
     """A row for a test."""
     interval = Estimate(test.value, test.sigma).interval
@@ -76,16 +86,19 @@ def conformity(where: str, global_id: str, between: tuple[str, ...], test: Confo
 
 def dimensions_to_json(rows: Sequence[Dimension]) -> list[dict[str, Any]]:
     """Plain values, metres."""
-    return [{**asdict(row), "between": list(row.between), "interval_95": list(row.interval_95)} for row in rows]
+    return [
+        {**asdict(row), "between": list(row.between), "interval_95": list(row.interval_95) if row.interval_95 else None}
+        for row in rows
+    ]
 
 
 def write_dimensions(path: str | Path, rows: Sequence[Dimension]) -> None:
     """One line a row, UTF-8 with a byte order mark, millimetres; BimVerifyError when ``path`` cannot be written."""
     lines = [
         (guard(r.where), guard(r.global_id), r.what, guard("; ".join(r.between)),
-         *(_mm(v, 2) for v in (r.planned, r.value, r.sigma, *r.interval_95)), r.loa or "", _share(r.p_value, 4),
-         _mm(r.limit, 2), _share(r.p_limit, 4),
-         "" if r.exceeds is None else str(r.exceeds).upper())
+         *(_mm(v, 2) for v in (r.planned, r.value, r.sigma, *(r.interval_95 or (None, None)))), r.loa or "",
+         _share(r.p_value, 4), _mm(r.limit, 2), _share(r.p_limit, 4),
+         "" if r.exceeds is None else str(r.exceeds).upper(), _result(r), guard(r.reason))
         for r in rows
     ]  # fmt: skip
     with whole_file(path) as temporary:
@@ -95,11 +108,17 @@ def write_dimensions(path: str | Path, rows: Sequence[Dimension]) -> None:
 def shown(rows: Sequence[Dimension]) -> list[tuple[str, ...]]:
     """Cells under ``COLUMNS`` for a report."""
     return [
-        (r.where, r.what, ", ".join(r.between), _mm(r.planned, 1), _mm(r.value, 1), f"{1960 * r.sigma:.1f}",
+        (r.where, r.what, ", ".join(r.between), _mm(r.planned, 1), _mm(r.value, 1),
+         "" if r.sigma is None else f"{1960 * r.sigma:.1f}",
          _share(r.p_value, 3), _mm(r.limit, 0),
-         r.loa or ("" if r.exceeds is None else "exceeded" if r.exceeds else "kept" if r.keeps else "open"))
+         r.loa or _result(r) or r.reason)
         for r in rows
     ]  # fmt: skip
+
+
+def _result(row: Dimension) -> str:
+    """Of a limit."""
+    return "" if row.exceeds is None else "exceeded" if row.exceeds else "kept" if row.keeps else "open"
 
 
 def _mm(value: float | None, digits: int) -> str:

@@ -9,6 +9,7 @@ along each axis. Two kinds of observations tell of it:
   the faces of the building is part of the model; faces far off (moved elements) lose their weight.
 
 The variance is estimated by restricted maximum likelihood (EM), which also says on how many degrees of freedom it rests.
+Without a plan (``estimate_agreement``) only the first kind is there; slopes of the differences then tell of turns.
 """
 
 from __future__ import annotations
@@ -29,6 +30,10 @@ FALLBACK_M = 0.002
 """Assumed where nothing tells: a usual target- or cloud-based registration."""
 LEAST_FREEDOM = 3.0
 LEAST_RETURNS = 12
+LEVER_M = 20.0
+"""A turn of a station is as usual as its shift over this length."""
+LEAST_EXTENT_M = 0.3
+"""Standard deviation of the places along a face below which differences say nothing of turns."""
 TUKEY = 4.685
 ROUNDS = 15
 EM_STEPS = 200
@@ -60,10 +65,32 @@ def estimate_registration(elements: Iterable[Blocks], stations: int) -> Registra
                 continue
             differences += _differences(blocks, own, normal, stations)
             levels.append(_level(blocks, own, normal, stations))
-    if not levels:
+    return _estimated(differences, levels, stations, LEAST_FREEDOM)
+
+
+def estimate_agreement(faces: Iterable[Blocks], stations: int) -> tuple[Registration, Registration]:
+    """Of the stations' positions, and of their turns as metres over ``LEVER_M``, from faces of which nothing is planned.
+
+    Each of ``faces`` is one plane face, its residuals are from any plane near it.
+    """
+    shifts: list[Observation] = []
+    turns: list[Observation] = []
+    for blocks in faces:
+        normal = blocks.normal[0]
+        shifts += _differences(blocks, np.ones(len(blocks), dtype=np.bool_), normal, stations)
+        turns += _slopes(blocks, normal, stations)
+    # two stations that share a room tell of all three directions, and no more
+    least = LEAST_FREEDOM - 0.5
+    return _estimated(shifts, [], stations, least), _estimated(turns, [], stations, least)
+
+
+def _estimated(
+    differences: list[Observation], levels: list[Observation], stations: int, least_freedom: float
+) -> Registration:
+    if not differences and not levels:
         return Registration(FALLBACK_M, LEAST_FREEDOM)
     sigma, freedom = _mixed_model(differences, levels, stations)
-    return Registration(sigma, freedom) if freedom >= LEAST_FREEDOM else Registration(FALLBACK_M, LEAST_FREEDOM)
+    return Registration(sigma, freedom) if freedom >= least_freedom else Registration(FALLBACK_M, LEAST_FREEDOM)
 
 
 Observation = tuple[Array, float, float]
@@ -75,9 +102,7 @@ def _differences(blocks: Blocks, own: NDArray[np.bool_], normal: Array, stations
     found = []
     row = np.flatnonzero(own)
     for s, t in combinations(np.unique(blocks.station[row]).tolist(), 2):
-        a, b = row[blocks.station[row] == s], row[blocks.station[row] == t]
-        _, i, j = np.intersect1d(blocks.cell[a], blocks.cell[b], assume_unique=True, return_indices=True)
-        a, b = a[i], b[j]
+        a, b = _common(blocks, row, s, t)
         if len(a) == 0 or min(blocks.count[a].sum(), blocks.count[b].sum()) < LEAST_RETURNS:
             continue
         noise = blocks.variance[a] + blocks.variance[b]
@@ -89,6 +114,41 @@ def _differences(blocks: Blocks, own: NDArray[np.bool_], normal: Array, stations
             coefficient.ravel(), float(weight @ (blocks.residual[a] - blocks.residual[b])),
             float((weight**2) @ noise),
         ))
+    return found
+
+
+def _common(blocks: Blocks, row: NDArray[np.int64], s: int, t: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows of the blocks of two stations on the same pieces of surface."""
+    a, b = row[blocks.station[row] == s], row[blocks.station[row] == t]
+    _, i, j = np.intersect1d(blocks.cell[a], blocks.cell[b], assume_unique=True, return_indices=True)
+    return a[i], b[j]
+
+
+def _slopes(blocks: Blocks, normal: Array, stations: int) -> list[Observation]:
+    """For each pair of stations how their difference changes along a face, in two directions, times ``LEVER_M``."""
+    found = []
+    first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+    first /= np.linalg.norm(first)
+    axes = np.stack([first, np.cross(normal, first)])
+    for s, t in combinations(np.unique(blocks.station).tolist(), 2):
+        a, b = _common(blocks, np.arange(len(blocks)), s, t)
+        noise = blocks.variance[a] + blocks.variance[b]
+        if len(a) < 4:
+            continue
+        weight = 1.0 / (noise + float(np.median(noise)))
+        place = 0.5 * (blocks.point[a] + blocks.point[b]) @ axes.T
+        place = place - weight @ place / weight.sum()
+        if np.sqrt(np.linalg.eigvalsh(np.cov(place.T))[0]) < LEAST_EXTENT_M:
+            continue
+        gain = np.linalg.solve((place * weight[:, None]).T @ place, (place * weight[:, None]).T)
+        value = gain @ (blocks.residual[a] - blocks.residual[b])
+        variance = (gain**2) @ noise
+        for k, axis in enumerate(axes):
+            coefficient = np.zeros((stations, 3))
+            # a turn w moves the surface along the normal by w . (axis x normal) for each metre along the axis
+            coefficient[s] = np.cross(axis, normal)
+            coefficient[t] = -coefficient[s]
+            found.append((coefficient.ravel(), LEVER_M * float(value[k]), LEVER_M**2 * float(variance[k])))
     return found
 
 

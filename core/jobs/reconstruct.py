@@ -27,7 +27,7 @@ def reconstruct(
         watch = Stopwatch()
         source = open_scans(scans, origin=options.origin) if isinstance(scans, Sequence) else scans
         check_stations(source)
-        result = run(source, options.sigma, options.memory_gb, progress or Progress())
+        result = run(source, options.sigma, options.memory_gb, progress or Progress(), options.registration_sigma)
         watch.lap("reconstruction")
         result.timings = dict(watch.seconds)
         return result

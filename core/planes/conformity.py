@@ -100,11 +100,13 @@ def parallelism(first: Plane, second: Plane, length: float) -> Conformity:
 
 
 def flatness(
-    plane: Plane, points: Array, kind: str = "finished wall", cell: float = 0.1, shared_sigma: float = 0.0
+    plane: Plane, points: Array, kind: str = "finished wall", cell: float = 0.1, shared_sigma: float = 0.0,
+    unit_errors: Array | None = None,
 ) -> list[Conformity]:
     """Gaps under a straightedge in both directions of the plane, for each distance of the table that the cells resolve.
 
-    ``shared_sigma`` [m] is what the mean of a cell may be off by however many points it has. Heights are means of cells of
+    ``shared_sigma`` [m] is what the mean of a cell may be off by however many points it has; ``unit_errors`` (N, K) [m] how
+    far each point moves with each of K independent errors of size one, as those of stations. Heights are means of cells of
     ``cell`` metres, so noise is averaged; the gap is that of the middle under the line through two places. The largest of
     many gaps is tested, with Bonferroni's bound.
     """
@@ -124,6 +126,12 @@ def flatness(
     with np.errstate(invalid="ignore", divide="ignore"):
         spread = np.maximum(square - height**2, 0.0) * count + STEADY * within**2
         variance = np.maximum(spread / (np.maximum(count - 1, 0) + STEADY), within**2) / count
+    common = np.zeros((*shape, 0))
+    if unit_errors is not None:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            common = np.stack([
+                np.bincount(flat, e, shape[0] * shape[1]).reshape(shape) / count for e in unit_errors.T
+            ], axis=2)
     out = []
     for distance, limit in FLATNESS_LIMITS_MM[kind]:
         step = round(distance / cell / 2)
@@ -133,11 +141,12 @@ def flatness(
         for axis in (0, 1):
             if shape[axis] <= 2 * step:
                 continue
-            h, v, good = (np.moveaxis(a, axis, 0) for a in (height, variance, enough))
+            h, v, good, e = (np.moveaxis(a, axis, 0) for a in (height, variance, enough, common))
             ok = good[: -2 * step] & good[step:-step] & good[2 * step :]
             gap = h[step:-step] - 0.5 * (h[: -2 * step] + h[2 * step :])
             own = v[step:-step] + 0.25 * (v[: -2 * step] + v[2 * step :])
-            sigma = np.sqrt(own + 1.5 * shared_sigma**2)
+            stations = e[step:-step] - 0.5 * (e[: -2 * step] + e[2 * step :])
+            sigma = np.sqrt(own + 1.5 * shared_sigma**2 + (stations**2).sum(axis=-1))
             gaps.append(np.abs(gap[ok]))
             sigmas.append(sigma[ok])
         if not gaps or not sum(len(g) for g in gaps):

@@ -50,6 +50,8 @@ class Unevenness:
     cells: int
     sigma_spread: float = 0.0
     """Standard deviation of ``sigma`` as far as the residuals leave it open [m]."""
+    interval_95: tuple[float, float] = (0.0, 0.0)
+    """Within which ``sigma`` is likely to be [m]; not symmetric, never below zero."""
 
 
 @dataclass(frozen=True)
@@ -136,8 +138,16 @@ def with_unevenness(plane: Plane, points: Array) -> tuple[Plane, Unevenness | No
     sigma = float((likely.ratios * left).sum())
     spread = float(np.sqrt((likely.ratios * (left - sigma) ** 2).sum()))
     length = float(likely.lengths[np.argmax(likely.ratios.sum(axis=1))])
-    found = Unevenness(sigma, length, float(np.sqrt(cells.within)), len(cells.mean), spread)
+    found = Unevenness(sigma, length, float(np.sqrt(cells.within)), len(cells.mean), spread, _quantiles(left, likely.ratios))
     return plane.replaced(covariance=white + smooth), found
+
+
+def _quantiles(values: Array, weights: Array) -> tuple[float, float]:
+    """Of weighted values that 2.5 % lie below and above."""
+    order = np.argsort(values, axis=None)
+    below = np.cumsum(weights.ravel()[order])
+    low, high = np.interp((0.025, 0.975), below / below[-1], values.ravel()[order])
+    return float(low), float(high)
 
 
 def _cells(plane: Plane, points: Array) -> _Cells | None:

@@ -10,6 +10,7 @@ from shapely import Polygon
 
 from ..planes.conformity import Conformity
 from ..planes.fit import Plane
+from ..planes.stations import EXACT, Poses
 from ..planes.unevenness import Unevenness
 from .joins import Join
 from .openings import Opening
@@ -43,6 +44,17 @@ class FittedFace:
     unevenness: Unevenness | None = None
     flatness: tuple[Conformity, ...] = ()
     """Tests for the distances of the measuring points that fit on it."""
+
+
+@dataclass(frozen=True)
+class RoomFace:
+    """What a room shows of a wall's face."""
+
+    wall: int
+    """Row of the storey's walls."""
+    face: FittedFace
+    ends: tuple[Array, Array]
+    """Places in plan (2,) between which it was seen [m]."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +123,7 @@ class BuiltRoom:
     ceiling: float
     floor_face: FittedFace | None = None
     ceiling_face: FittedFace | None = None
+    wall_faces: tuple[RoomFace, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -135,6 +148,8 @@ class Reconstruction:
     returns: int
     stations: int
     scan_paths: tuple[str, ...]
+    poses: Poses = EXACT
+    """What the stations' poses were taken to be off by."""
     timings: dict[str, float] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 

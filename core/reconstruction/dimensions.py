@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from shapely import Point
 
 from ..dimensions.corners import Bound, Room, corner_rows
 from ..dimensions.table import Dimension, conformity, width
@@ -17,11 +15,10 @@ from ..planes.conformity import Conformity, orthogonality, parallelism, plumb
 from ..planes.derived import Estimate, distance_between, level_of_accuracy
 from ..planes.fit import Plane
 from .building import NO_IDS, BuiltRoom, BuiltStorey, Reconstruction, StoreyIds
+from .fitted import sides_on
 
 Array = NDArray[np.float64]
 
-ON_FACE_M = 0.03
-"""A side of a room this close to a face is the face's."""
 LEAST_OVERLAP_M = 0.02
 PARALLEL_COS = np.cos(np.radians(5.0))
 SQUARE_COS = np.sin(np.radians(5.0))
@@ -52,21 +49,14 @@ class RoomDimensions:
     """Rows of the walls concerned, and the test."""
 
 
-def room_dimensions(storey: BuiltStorey, room: BuiltRoom) -> RoomDimensions:
+def room_dimensions(room: BuiltRoom) -> RoomDimensions:
     """Widths and tests of the faces that bound ``room``; faces that were not seen well enough to be fitted are left out."""
     height = room.ceiling - room.floor
     middle = np.array([*room.outline.representative_point().coords[0], 0.5 * (room.floor + room.ceiling)])
-    faces = [
-        (k, plane, sides)
-        for k, wall in enumerate(storey.walls) for plane in (f.plane for f in wall.faces)
-        if len(sides := _sides_on(room, plane))
-    ]  # fmt: skip
+    faces = [(f.wall, f.face.plane, sides_on(room.outline, f.face.plane)) for f in room.wall_faces]
     widths: list[RoomWidth] = []
     tests: list[tuple[tuple[int, ...], Conformity]] = [((k,), plumb(plane, height)) for k, plane, _ in faces]
-    tests += [
-        ((k,), test) for k, wall in enumerate(storey.walls) for face in wall.faces
-        if len(_sides_on(room, face.plane)) for test in face.flatness
-    ]  # fmt: skip
+    tests += [((f.wall,), test) for f in room.wall_faces for test in f.face.flatness]
     for i, (a, first, first_sides) in enumerate(faces):
         for b, second, second_sides in faces[i + 1 :]:
             cosine = float(first.normal @ second.normal)
@@ -99,14 +89,14 @@ def storey_rows(storey: BuiltStorey, origin: Array, ids: StoreyIds = NO_IDS) -> 
     """The same of one storey."""
     rows: list[Dimension] = []
     for number, room in enumerate(storey.rooms, start=1):
-        where, own, found = f"{storey.name}, room {number}", ids.room(number - 1), room_dimensions(storey, room)
+        where, own, found = f"{storey.name}, room {number}", ids.room(number - 1), room_dimensions(room)
         rows += [width(where, own, "width", _walls(w.walls), w.distance) for w in found.widths]
         if found.height is not None:
             rows.append(width(where, own, "height", ("floor", "ceiling"), found.height))
         rows += [conformity(where, own, _walls(walls), test) for walls, test in found.tests]
         for name, face in (("floor", room.floor_face), ("ceiling", room.ceiling_face)):
             rows += [conformity(where, own, (name,), test) for test in (face.flatness if face else ())]
-        rows += corner_rows(_bounded(where, own, storey, room, origin))
+        rows += corner_rows(_bounded(where, own, room, origin))
     for k, wall in enumerate(storey.walls, start=1):
         for number, o in enumerate(wall.openings, start=1):
             where, (start, end, sill, head) = f"{storey.name}, wall {k}, {o.kind} {number}", o.edge_sigma
@@ -116,11 +106,10 @@ def storey_rows(storey: BuiltStorey, origin: Array, ids: StoreyIds = NO_IDS) -> 
     return rows
 
 
-def _bounded(where: str, global_id: str, storey: BuiltStorey, room: BuiltRoom, origin: Array) -> Room:
+def _bounded(where: str, global_id: str, room: BuiltRoom, origin: Array) -> Room:
     walls = [
-        Bound(f"wall {k}", face.plane, face.unevenness, (wall.start, wall.end))
-        for k, wall in enumerate(storey.walls, start=1) for face in wall.faces
-    ]  # fmt: skip
+        Bound(f"wall {f.wall + 1}", f.face.plane, f.face.unevenness, f.ends) for f in room.wall_faces
+    ]
     floor, ceiling = (
         None if face is None else Bound(name, face.plane, face.unevenness)
         for name, face in (("floor", room.floor_face), ("ceiling", room.ceiling_face))
@@ -130,17 +119,6 @@ def _bounded(where: str, global_id: str, storey: BuiltStorey, room: BuiltRoom, o
 
 def _walls(rows: Sequence[int]) -> tuple[str, ...]:
     return tuple(f"wall {k + 1}" for k in rows)
-
-
-def _sides_on(room: BuiltRoom, plane: Plane) -> Array:
-    """(K, 2, 2) ends of the sides of the room's outline that lie on the face, which looks into the room [m]."""
-    sides = []
-    for start, end in pairwise(np.array(room.outline.exterior.coords)):
-        ends = np.column_stack([np.stack([start, end]), np.full(2, plane.centroid[2])])
-        before = 0.5 * (start + end) + 2 * ON_FACE_M * plane.normal[:2]
-        if np.abs(plane.distance(ends)).max() <= ON_FACE_M and room.outline.contains(Point(*before)):
-            sides.append((start, end))
-    return np.array(sides).reshape(-1, 2, 2)
 
 
 def _length(sides: Array) -> float:
@@ -177,7 +155,7 @@ def dimensions_to_json(found: RoomDimensions) -> dict[str, Any]:
         },
         "tests": [
             {"test": t.name, "walls": _numbers(walls), "offset": t.value, "sigma": t.sigma, "p_value": t.p_value,
-             "limit": t.limit, "p_limit": t.p_limit, "exceeds": t.exceeds}
+             "limit": t.limit, "p_limit": t.p_limit, "exceeds": t.exceeds, "keeps": t.keeps}
             for walls, t in found.tests
         ],
     }  # fmt: skip

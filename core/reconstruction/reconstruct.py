@@ -13,8 +13,9 @@ from ..planes.surfels import Surfels, make_surfels
 from ..progress import Progress
 from ..scans.campaign import ScanSource
 from .building import ASSUMED, MEASURED, BuiltSlab, BuiltStorey, FitRecord, Reconstruction
+from .fitted import Survey, agreement
 from .levels import Storey, find_storeys
-from .storey import StoreyParts, reconstruct_storey
+from .storey import StoreyParts, draft_storey, finish_storey
 
 Array = NDArray[np.float64]
 
@@ -24,10 +25,14 @@ MOST_POINTS = 12_000_000
 """Rays that are followed; more are thinned evenly, their surfels are not."""
 
 
-def reconstruct(source: ScanSource, sigma: float, memory_gb: float, progress: Progress | None = None) -> Reconstruction:
+def reconstruct(
+    source: ScanSource, sigma: float, memory_gb: float, progress: Progress | None = None,
+    registration_sigma: float | None = None,
+) -> Reconstruction:
     """Storeys, rooms, walls, openings, columns and slabs of what was scanned.
 
-    ``sigma`` is the standard deviation of a return along its ray [m]. The scans must be levelled (z up). Raises
+    ``sigma`` is the standard deviation of a return along its ray [m], ``registration_sigma`` that of a station's position
+    (None: from how well the stations agree). The scans must be levelled (z up). Raises
     BimVerifyError when there is nothing that a building could be made of.
     """
     progress = progress or Progress()
@@ -42,13 +47,16 @@ def reconstruct(source: ScanSource, sigma: float, memory_gb: float, progress: Pr
         )
     noise = PointNoise(sigma)
     rays = _thinned(cloud)
-    step = 0.65 / len(storeys)
-    parts = [
-        reconstruct_storey(rays, surfels, s, noise, progress.part(0.3 + step * k, 0.3 + step * (k + 1)))
+    step = 0.6 / len(storeys)
+    drafts = [
+        draft_storey(rays, surfels, s, noise, progress.part(0.3 + step * k, 0.3 + step * (k + 1)))
         for k, s in enumerate(storeys)
     ]
+    poses = agreement([f for d in drafts for f in d.faces], len(cloud.stations), registration_sigma)
+    progress.update(0.9, "Fitting faces")
+    parts = [finish_storey(d, Survey(cloud.stations, noise, poses)) for d in drafts]
     built = tuple(_storey(k, storeys, parts, surfels) for k in range(len(storeys)))
-    result = Reconstruction(cloud.origin, built, cloud.total, len(cloud.stations), source.paths)
+    result = Reconstruction(cloud.origin, built, cloud.total, len(cloud.stations), source.paths, poses)
     result.warnings += _warnings(result, storeys)
     return result
 

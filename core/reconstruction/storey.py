@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from shapely import MultiPolygon, Polygon, contains_xy, union_all
 
 from ..planes.cloud import Cloud
-from ..planes.conformity import flatness
 from ..planes.derived import Estimate, plumb_deviation
-from ..planes.fit import fit_plane
 from ..planes.noise import PointNoise
 from ..planes.surfels import Surfels
-from ..planes.unevenness import with_unevenness
 from ..progress import Progress
 from .building import ASSUMED, BuiltColumn, BuiltRoom, BuiltWall, FitRecord, FittedFace
 from .columns import find_columns
 from .crossings import BAND_M, Crossings, cross
 from .face_points import EDGE_M, REACH_M, surface_returns
 from .faces import find_faces, upright_surfels
-from .joins import join_walls
+from .fitted import FIT_POINTS, LEAST_FIT, FaceReturns, Survey, face_returns, fitted_face, room_faces
+from .joins import JoinedWall, join_walls
 from .levels import Storey
 from .openings import FaceRaster, Opening, face_raster, find_openings
 from .plan import make_plan
@@ -31,8 +29,6 @@ from .walls import SEEN_OUTSIDE, WallLine, find_walls
 
 Array = NDArray[np.float64]
 
-FIT_POINTS = 20_000
-LEAST_FIT = 30
 LEAST_SOLID = 0.12
 """A wall of which less is solid, where anything is known, is no wall: an opening of the whole width, a row of lamps."""
 NOISE_FACTOR = 4.0
@@ -48,6 +44,7 @@ class _Work:
     openings: list[Opening]
     base: float
     top: float
+    faces: list[FaceReturns] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -60,10 +57,27 @@ class StoreyParts:
     columns: list[BuiltColumn]
 
 
-def reconstruct_storey(
+@dataclass(frozen=True)
+class StoreyDraft:
+    """The same before its faces are fitted: that takes knowing how well the stations agree, which all storeys tell."""
+
+    work: list[_Work]
+    joined: list[JoinedWall]
+    rooms: list[Room]
+    levels: list[tuple[FaceReturns | None, FaceReturns | None]]
+    """Floor and ceiling of each room."""
+    columns: list[BuiltColumn]
+
+    @property
+    def faces(self) -> list[FaceReturns]:
+        """All of the storey."""
+        return [f for w in self.work for f in w.faces] + [f for pair in self.levels for f in pair if f is not None]
+
+
+def draft_storey(
     cloud: Cloud, surfels: Surfels, storey: Storey, noise: PointNoise, progress: Progress
-) -> StoreyParts:
-    """All of one storey."""
+) -> StoreyDraft:
+    """What there is in one storey, and the returns on its faces."""
     progress.update(0.0, "Finding rooms")
     plan = make_plan(cloud, surfels, storey)
     upright = upright_surfels(surfels, storey.floor + 0.03, storey.top)
@@ -81,25 +95,42 @@ def reconstruct_storey(
     settle([w.line for w in work], [_hint(w, band) for w in work])
     joined = join_walls([w.line for w in work])
     progress.update(0.9, "Fitting faces")
-    walls = []
-    for w, j in zip(work, joined, strict=True):
-        start_u = float(j.start @ w.line.along)
-        openings = tuple(_moved(o, -start_u) for o in w.openings)
-        fit, fitted = _fit(cloud, w, band, noise)
-        lean = plumb_deviation(fitted[0].plane) if fitted else Estimate(0.0, 0.0)
-        external = is_external(w.line, openings, rooms, cloud.stations)
-        walls.append(
-            BuiltWall(j.start, j.end, w.line.thickness, j.footprint, w.base, w.top, openings, j.joins,
-                      tuple(sorted(w.line.rooms)), external, fit, lean.value, lean.sigma,
-                      fitted)
-        )
+    for w in work:
+        w.faces = _wall_returns(cloud, w, band, noise)
     columns = []
     for room in rooms:
         for shape in find_columns(room, upright):
             fit = FitRecord(shape.residual, shape.residual, shape.seen, noise.sigma_range, "MEASURED", 0)
             columns.append(BuiltColumn(shape.footprint, shape.radius, room.floor, room.ceiling, fit))
-    built_rooms = [_built_room(cloud, r, columns, storey.has_ceiling, band, noise) for r in rooms]
-    return StoreyParts(rooms, built_rooms, walls, columns)
+    levels = [
+        (_level_returns(cloud, r, r.floor, 1.0, band, noise),
+         _level_returns(cloud, r, r.ceiling, -1.0, band, noise) if storey.has_ceiling else None)
+        for r in rooms
+    ]  # fmt: skip
+    return StoreyDraft(work, joined, rooms, levels, columns)
+
+
+def finish_storey(draft: StoreyDraft, survey: Survey) -> StoreyParts:
+    """Faces fitted, edges of openings as uncertain as the poses of those who saw them."""
+    walls, pairs = [], []
+    for w, j in zip(draft.work, draft.joined, strict=True):
+        start_u = float(j.start @ w.line.along)
+        openings = tuple(_placed(o, -start_u, survey.poses.sigma) for o in w.openings)
+        fitted = [fitted_face(f, survey) for f in w.faces]
+        pairs.append(list(zip(w.faces, fitted, strict=True)))
+        lean = plumb_deviation(fitted[0].plane) if fitted else Estimate(0.0, 0.0)
+        external = is_external(w.line, openings, draft.rooms, survey.stations)
+        walls.append(
+            BuiltWall(j.start, j.end, w.line.thickness, j.footprint, w.base, w.top, openings, j.joins,
+                      tuple(sorted(w.line.rooms)), external, _record(w, fitted), lean.value, lean.sigma,
+                      tuple(fitted))
+        )  # fmt: skip
+    built = []
+    for room, (bottom, top) in zip(draft.rooms, draft.levels, strict=True):
+        floor, ceiling = (None if f is None else fitted_face(f, survey) for f in (bottom, top))
+        own = room_faces(room.outline, pairs, survey)
+        built.append(BuiltRoom(_without(room, draft.columns), room.floor, room.ceiling, floor, ceiling, own))
+    return StoreyParts(draft.rooms, built, walls, draft.columns)
 
 
 def _without(room: Room, columns: list[BuiltColumn]) -> Polygon:
@@ -125,18 +156,10 @@ def is_external(line: WallLine, openings: tuple[Opening, ...], rooms: list[Room]
     return True if seen_outside or lost else None
 
 
-def _built_room(
-    cloud: Cloud, room: Room, columns: list[BuiltColumn], has_ceiling: bool, band: float, noise: PointNoise
-) -> BuiltRoom:
-    floor = _level_face(cloud, room, room.floor, 1.0, band, noise)
-    ceiling = _level_face(cloud, room, room.ceiling, -1.0, band, noise) if has_ceiling else None
-    return BuiltRoom(_without(room, columns), room.floor, room.ceiling, floor, ceiling)
-
-
-def _level_face(
+def _level_returns(
     cloud: Cloud, room: Room, level: float, up: float, band: float, noise: PointNoise
-) -> FittedFace | None:
-    """The floor (``up`` 1) or ceiling (-1) of a room, from the returns near its level."""
+) -> FaceReturns | None:
+    """On the floor (``up`` 1) or ceiling (-1) of a room, near its level."""
     inner = room.outline.buffer(-EDGE_M)
     x0, y0, x1, y1 = inner.bounds if not inner.is_empty else (0.0, 0.0, 0.0, 0.0)
     x, y, z = cloud.points.T
@@ -147,18 +170,7 @@ def _level_face(
     rows = rows[surface_returns(at, z[rows] - level, band, ends, np.zeros((0, 2, 2)))]
     if len(rows) < LEAST_FIT:
         return None
-    kind = "finished floor" if up > 0 else "finished wall"
-    face = _fitted_face(cloud, rows, kind, noise)
-    return replace(face, plane=face.plane.facing(face.plane.centroid + np.array([0.0, 0.0, up])))
-
-
-def _fitted_face(cloud: Cloud, rows: NDArray[np.int64], kind: str, noise: PointNoise) -> FittedFace:
-    rows = rows[:: max(1, len(rows) // FIT_POINTS)]
-    points = cloud.points[rows].astype(np.float64)
-    plane = fit_plane(points, cloud.stations[cloud.station[rows]], noise)
-    plane, bumps = with_unevenness(plane, points)
-    tests = tuple(flatness(plane, points, kind))
-    return FittedFace(plane.facing(cloud.stations[cloud.station[rows[0]]]), bumps, tests)
+    return face_returns(cloud, rows, "finished floor" if up > 0 else "finished wall", noise)
 
 
 def _hint(work: _Work, band: float) -> Hint:
@@ -203,11 +215,12 @@ def _sharpen(line: WallLine, sides: list[Crossings], band: float) -> list[Crossi
     return out
 
 
-def _moved(o: Opening, by: float) -> Opening:
-    return replace(o, u0=o.u0 + by, u1=o.u1 + by)
+def _placed(o: Opening, by: float, sigma: float) -> Opening:
+    start, end, sill, head = (float(np.hypot(s, sigma)) for s in o.edge_sigma)
+    return replace(o, u0=o.u0 + by, u1=o.u1 + by, edge_sigma=(start, end, sill, head))
 
 
-def _fit(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> tuple[FitRecord, tuple[FittedFace, ...]]:
+def _wall_returns(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> list[FaceReturns]:
     faces = []
     for side in work.sides:
         near = np.abs(side.depth) < REACH_M
@@ -216,19 +229,22 @@ def _fit(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> tuple[Fit
         holes = np.array([[[o.u0, o.z0], [o.u1, o.z1]] for o in work.openings]).reshape(-1, 2, 2)
         rows = side.row[near][surface_returns(at, side.depth[near], band, ends, holes)]
         if len(rows) >= LEAST_FIT:
-            faces.append(_fitted_face(cloud, rows, "finished wall", noise))
+            faces.append(face_returns(cloud, rows, "finished wall", noise))
+    return faces
+
+
+def _record(work: _Work, faces: list[FittedFace]) -> FitRecord:
     known = work.raster.state
     solid = float((known == 1).sum())
     open_cells = sum(o.width * o.height for o in work.openings) / work.raster.cell**2
     quality = min(1.0, solid / max(known.size - open_cells, 1.0))
     if not faces:
-        return FitRecord(None, None, quality, None, work.line.source), ()
+        return FitRecord(None, None, quality, None, work.line.source)
     planes = [f.plane for f in faces]
     sigma = [p.position_sigma for p in planes]
     extra = work.line.thickness_sigma / 2
     position = float(np.hypot(np.sqrt(np.sum(np.square(sigma))) / len(sigma), extra))
-    record = FitRecord(
+    return FitRecord(
         float(np.mean([p.residual_mean for p in planes])), float(np.mean([p.residual_sigma for p in planes])), quality,
         position, work.line.source, sum(p.count for p in planes),
     )
-    return record, tuple(faces)

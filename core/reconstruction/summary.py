@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -26,6 +27,11 @@ def summary_lines(result: Reconstruction) -> list[str]:
         f"Thickness of walls: {sources.count(MEASURED)} measured between both faces, {sources.count(REVEAL)} from reveals, "
         f"{sources.count(ASSUMED)} assumed."
     )
+    if result.poses.sigma:
+        lines.append(
+            f"Poses of stations are taken to be off by {1000 * result.poses.sigma:.1f} mm and "
+            f"{math.degrees(result.poses.turn):.4f} degrees (one sigma); every sigma counts it."
+        )
     if unclear:
         lines.append(f"Openings whose foot is hidden, so that each may be a door or a window: {unclear}.")
     hidden = sum(len(o.hidden) for o in openings)
@@ -41,7 +47,8 @@ def reconstruction_to_json(result: Reconstruction, ids: Sequence[StoreyIds] = ()
     """Metres, scan frame. ``ids``: of what was written (``write_ifc.written_building``)."""
     given = ids or [NO_IDS] * len(result.storeys)
     return {
-        "returns": result.returns, "stations": result.stations, "scans": list(result.scan_paths),
+        "returns": result.returns, "stations": result.stations,
+        "registration_sigma": result.poses.sigma, "registration_turn_rad": result.poses.turn, "scans": list(result.scan_paths),
         "seconds": result.timings, "warnings": result.warnings,
         "storeys": [_storey(s, own, result.origin.tolist()) for s, own in zip(result.storeys, given, strict=True)],
         "dimensions": rows_to_json(dimension_rows(result, ids)),
@@ -59,7 +66,7 @@ def _storey(s: BuiltStorey, ids: StoreyIds, origin: list[float]) -> dict[str, An
         "rooms": [
             {**_named(ids.rooms, k), "area": r.outline.area, "floor": r.floor + z, "ceiling": r.ceiling + z,
              "outline": [place(p) for p in list(r.outline.exterior.coords)[:-1]],
-             **dimensions_to_json(room_dimensions(s, r))}
+             **dimensions_to_json(room_dimensions(r))}
             for k, r in enumerate(s.rooms)
         ],
         "walls": [

@@ -5,21 +5,30 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import ifcopenshell.api
 import numpy as np
 import pytest
 from shapely import box
 
 from bim_verify.cli import main
+from bim_verify.core.dimensions.as_built import as_built_dimensions, opening_shares
 from bim_verify.core.dimensions.regions import Region, read_regions
-from bim_verify.core.dimensions.table import HEADER, conformity, width, write_dimensions
+from bim_verify.core.dimensions.table import HEADER, conformity, dimensions_to_json, width, write_dimensions
+from bim_verify.core.jobs import verify
+from bim_verify.core.model.load import load_model
+from bim_verify.core.options import VerifyOptions
 from bim_verify.core.planes.conformity import Conformity, flatness
 from bim_verify.core.planes.derived import Estimate
 from bim_verify.core.planes.fit import fit_plane
 from bim_verify.core.planes.noise import PointNoise
+from bim_verify.core.simulation.campaign import Campaign, scan_to_files, set_up
+from bim_verify.core.simulation.scanner import PRESETS
 
+from .model_files import ModelFile, at
 from .room_files import DEEP, HIGH, OUT_M, WIDE, write_room
 
 
@@ -143,3 +152,33 @@ def test_a_table_without_a_plan_leaves_it_open(tmp_path: Path) -> None:
     assert first["Planned_mm"] == first["PValue"] == first["Exceeds"] == ""
     assert (first["Low95_mm"], first["High95_mm"]) == ("2998.04", "3001.96")
     assert second["Exceeds"] == "FALSE" and second["Limit_mm"] == "8.00"
+
+
+def test_a_door_ends_at_the_floor_and_what_is_covered_says_so(tmp_path: Path) -> None:
+    made, thick = ModelFile("IFC4", "m"), 0.25
+    made.product("IfcSlab", "floor", made.box(3.5, 3.5, 0.2), at(-0.25, -0.25, -0.2))
+    sizes = {
+        "south": ((3.5, thick), (-0.25, -thick)), "north": ((3.5, thick), (-0.25, 3.0)), "west": ((thick, 3.0), (-thick, 0.0)),
+    }
+    walls = {n: made.product("IfcWall", n, made.box(*size, 2.5), at(*place)) for n, (size, place) in sizes.items()}
+    made.opening(walls["south"], made.box(0.9, thick + 0.2, 2.1), at(1.0, -thick - 0.1, 0.0)).Name = "bare"
+    covered = made.opening(walls["north"], made.box(0.9, thick + 0.2, 2.1), at(1.0, 2.9, 0.0))
+    covered.Name = "covered"
+    door = made.product("IfcDoor", "door", made.box(0.9, 0.25, 2.1), at(1.0, 3.0, 0.0))
+    ifcopenshell.api.feature.add_filling(made.file, opening=covered, element=door)
+    model = load_model(made.write(tmp_path / "doors.ifc"), cache=False)
+    places = ((1.2, 1.4, 1.5), (1.9, 1.0, 1.3))
+    set_ups = tuple(set_up(f"S{k}", np.array(p) - model.origin, 5, k) for k, p in enumerate(places))
+    scanner = replace(PRESETS["fast"], angular_step=float(np.radians(0.5)), sigma_range=0.001, sigma_signal=0.0)
+    scan_to_files(Campaign(model, scanner, set_ups, {}, (), 5), tmp_path / "doors.e57", None)
+    rows = as_built_dimensions(verify(model, [tmp_path / "doors.e57"], VerifyOptions(sigma=0.001)))
+    own = {(r.where, r.what): r for r in rows if r.opening}
+    height = own["bare", "height"]
+    assert set(height.between) == {"floor", "south"} and height.planned == pytest.approx(2.1, abs=1e-6)
+    assert height.value is not None and height.sigma is not None and abs(height.value - 2.1) < 3 * height.sigma < 0.01
+    assert own["bare", "width"].value is not None
+    assert own["covered", "width"].value is None and "covered by door" in own["covered", "width"].reason
+    assert "widths of 1 of 2 openings" in opening_shares(rows) and "heights of 1 of 2 openings" in opening_shares(rows)
+    write_dimensions(tmp_path / "d.csv", rows)
+    assert "covered by door" in (tmp_path / "d.csv").read_text(encoding="utf-8-sig")
+    assert any(d["value"] is None and d["interval_95"] is None for d in dimensions_to_json(rows))

@@ -11,7 +11,15 @@ from shapely import box
 
 from bim_verify.core.planes.fit import fit_plane
 from bim_verify.core.planes.noise import PointNoise
-from bim_verify.core.reconstruction.building import BuiltRoom, BuiltStorey, BuiltWall, FitRecord, FittedFace, Reconstruction
+from bim_verify.core.reconstruction.building import (
+    BuiltRoom,
+    BuiltStorey,
+    BuiltWall,
+    FitRecord,
+    FittedFace,
+    Reconstruction,
+    RoomFace,
+)
 from bim_verify.core.reconstruction.crossings import Crossings
 from bim_verify.core.reconstruction.dimensions import room_dimensions
 from bim_verify.core.reconstruction.opening_edges import hidden_edge, reveal_between, reveal_edge, seen_edge
@@ -215,7 +223,7 @@ def test_widths_and_right_angles_of_a_room_with_their_uncertainty(tmp_path: Path
     rng = np.random.default_rng(2)
     station, size = np.array([2.0, 1.5, 1.5]), (4.0, 3.0, 2.5)
     noise = PointNoise(0.003, 0.0, 1e-9)
-    walls = []
+    walls, faces = [], []
     for axis, at in ((0, 0.0), (0, 4.0), (1, 0.0), (1, 3.0)):
         points = rng.random((400, 3)) * size
         points[:, axis] = at
@@ -225,13 +233,14 @@ def test_widths_and_right_angles_of_a_room_with_their_uncertainty(tmp_path: Path
         points += ray / np.linalg.norm(ray, axis=1, keepdims=True) * rng.normal(0.0, 0.003, (400, 1))
         plane = fit_plane(points, station, noise).facing(station)
         fit = FitRecord(None, None, 1.0, None, "ASSUMED")
+        faces.append(RoomFace(len(walls), FittedFace(plane), (points[:, :2].min(axis=0), points[:, :2].max(axis=0))))
         walls.append(BuiltWall(
             np.zeros(2), np.ones(2), 0.2, box(0, 0, 1, 1), 0.0, 2.5, (), (None, None), (0,), True, fit,
             faces=(FittedFace(plane),),
         ))  # fmt: skip
-    room = BuiltRoom(box(0.0, 0.0, 4.0, 3.01), 0.0, 2.5)
+    room = BuiltRoom(box(0.0, 0.0, 4.0, 3.01), 0.0, 2.5, wall_faces=tuple(faces))
     storey = BuiltStorey("Storey", 0.0, 2.5, tuple(walls), (), (), (room,))
-    result = room_dimensions(storey, room)
+    result = room_dimensions(room)
     (width,) = (w for w in result.widths if w.walls == (0, 1))
     assert abs(width.distance.value - 4.0) < 3 * width.distance.sigma < 0.003
     by_name = {(t.name, at): t for at, t in result.tests}
