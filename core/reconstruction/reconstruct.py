@@ -19,6 +19,7 @@ from .storey import StoreyParts, reconstruct_storey
 Array = NDArray[np.float64]
 
 SLAB_M = 0.2
+LEAST_ON_OUTLINE = 0.85
 THICKEST_SLAB_M = 1.2
 MOST_POINTS = 12_000_000
 """Rays that are followed; more are thinned evenly, their surfels are not."""
@@ -109,4 +110,17 @@ def _warnings(result: Reconstruction, storeys: list[Storey]) -> list[str]:
     assumed = sum(w.fit.thickness_source == ASSUMED for s in result.storeys for w in s.walls)
     if assumed:
         out.append(f"{assumed} of {result.count('walls')} walls were seen from one side only; their thickness is assumed.")
+    columns = [c for s in result.storeys for c in s.columns]
+    hidden = sum(bool(c.hidden) for c in columns)
+    if hidden:
+        out.append(
+            f"{hidden} of {len(columns)} columns have a side that no scanner saw; its place follows from where the faces "
+            "beside it end."
+        )
+    unlike = sum(c.on < LEAST_ON_OUTLINE for c in columns)
+    if unlike:
+        out.append(
+            f"{unlike} of {len(columns)} columns have more than {100 * (1 - LEAST_ON_OUTLINE):.0f} % of the returns about them "
+            "off their outline: something stands against them, or they are no plain columns."
+        )
     return out

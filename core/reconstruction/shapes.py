@@ -22,6 +22,8 @@ UPRIGHT = 0.1
 PSET_NAME = "BimVerify_Reconstruction"
 HIDDEN_EDGES = "HiddenEdges"
 """Property of openings, doors and windows: names of the edges that were not seen."""
+HIDDEN_FACES = "HiddenFaces"
+"""Property of columns: names of the sides that were not seen."""
 EDGE_SIGMAS = ("StartEdgeSigma", "EndEdgeSigma", "SillSigma", "HeadSigma")
 """Properties of the same: standard deviation of each edge, in the file's unit of length."""
 

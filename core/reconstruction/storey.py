@@ -11,12 +11,13 @@ from shapely import MultiPolygon, Polygon, contains_xy, union_all
 from ..planes.cloud import Cloud
 from ..planes.conformity import flatness
 from ..planes.derived import Estimate, plumb_deviation
-from ..planes.fit import fit_plane
+from ..planes.fit import Plane, fit_plane
 from ..planes.noise import PointNoise
 from ..planes.surfels import Surfels
 from ..planes.unevenness import with_unevenness
 from ..progress import Progress
-from .building import ASSUMED, BuiltColumn, BuiltRoom, BuiltWall, FitRecord, FittedFace
+from .building import ASSUMED, EDGES, MEASURED, BuiltColumn, BuiltRoom, BuiltWall, FitRecord, FittedFace
+from .column_fit import ColumnShape
 from .columns import find_columns
 from .crossings import BAND_M, Crossings, cross
 from .face_points import EDGE_M, REACH_M, surface_returns
@@ -93,13 +94,23 @@ def reconstruct_storey(
                       tuple(sorted(w.line.rooms)), external, fit, lean.value, lean.sigma,
                       fitted)
         )
-    columns = []
-    for room in rooms:
-        for shape in find_columns(room, upright):
-            fit = FitRecord(shape.residual, shape.residual, shape.seen, noise.sigma_range, "MEASURED", 0)
-            columns.append(BuiltColumn(shape.footprint, shape.radius, room.floor, room.ceiling, fit))
+
+    def fit_column_face(rows: NDArray[np.int64]) -> Plane:
+        return _fitted_face(cloud, rows, "finished wall", noise).plane
+
+    columns = [
+        _built_column(shape, room) for room in rooms for shape in find_columns(room, upright, cloud, band, fit_column_face)
+    ]
     built_rooms = [_built_room(cloud, r, columns, storey.has_ceiling, band, noise) for r in rooms]
     return StoreyParts(rooms, built_rooms, walls, columns)
+
+
+def _built_column(shape: ColumnShape, room: Room) -> BuiltColumn:
+    fit = FitRecord(
+        shape.residual_mean, shape.residual_sigma, shape.seen, shape.position_sigma, EDGES if shape.hidden else MEASURED,
+        shape.returns,
+    )
+    return BuiltColumn(shape.footprint, shape.radius, room.floor, room.ceiling, fit, shape.hidden, shape.on)
 
 
 def _without(room: Room, columns: list[BuiltColumn]) -> Polygon:
