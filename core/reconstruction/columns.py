@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, label
 from shapely import contains_xy
 
 from ..planes.cloud import Cloud
-from ..planes.fit import Plane
 from ..planes.surfels import Surfels
-from .column_fit import WIDEST_M, ColumnShape, fit_column
+from .column_fit import WIDEST_M
 from .rooms import Room
 
 Rows = NDArray[np.int64]
@@ -29,10 +26,8 @@ LEVEL_EDGE_M = 0.1
 """Returns this close to the floor or ceiling may be theirs, a skirting's or a capital's."""
 
 
-def find_columns(
-    room: Room, upright: Surfels, cloud: Cloud, band: float, fit: Callable[[Rows], Plane]
-) -> list[ColumnShape]:
-    """Columns in one room. ``fit`` makes the plane through some rows of the cloud."""
+def column_returns(room: Room, upright: Surfels, cloud: Cloud) -> list[Rows]:
+    """Rows of the cloud about each thing in a room that may be a column."""
     inner = room.outline.buffer(-FROM_WALL_M)
     if inner.is_empty:
         return []
@@ -46,9 +41,9 @@ def find_columns(
     low = own.position[:, :2].min(axis=0)
     cell = ((own.position[:, :2] - low) / CELL_M).astype(np.int64)
     shape = tuple((cell.max(axis=0) + 1).tolist())
-    rows = int(height / ROW_M)
-    row = np.clip(((own.position[:, 2] - room.floor) / height * rows).astype(np.int64), 0, rows - 1)
-    stack = np.zeros((*shape, rows), dtype=np.bool_)
+    levels = int(height / ROW_M)
+    row = np.clip(((own.position[:, 2] - room.floor) / height * levels).astype(np.int64), 0, levels - 1)
+    stack = np.zeros((*shape, levels), dtype=np.bool_)
     stack[cell[:, 0], cell[:, 1], row] = True
     # a surface on the border of two cells shows in both
     near = binary_dilation(stack, np.ones((3, 3, 1), dtype=np.bool_))
@@ -67,12 +62,7 @@ def find_columns(
             continue
         if np.ptp(piece[:, :2], axis=0).max() > MOST_EXTENT * WIDEST_M:
             continue
-        near = rows[piece_of == number]
-        column = fit_column(
-            cloud.points[near].astype(np.float64), cloud.stations[cloud.station[near]], band, lambda k, near=near: fit(near[k])
-        )
-        if column is not None:
-            out.append(column)
+        out.append(rows[piece_of == number])
     return out
 
 

@@ -17,8 +17,8 @@ from ..planes.surfels import Surfels
 from ..planes.unevenness import with_unevenness
 from ..progress import Progress
 from .building import ASSUMED, EDGES, MEASURED, BuiltColumn, BuiltRoom, BuiltWall, FitRecord, FittedFace
-from .column_fit import ColumnShape
-from .columns import find_columns
+from .column_fit import fit_column
+from .columns import column_returns
 from .crossings import BAND_M, Crossings, cross
 from .face_points import EDGE_M, REACH_M, surface_returns
 from .faces import find_faces, upright_surfels
@@ -95,17 +95,23 @@ def reconstruct_storey(
                       fitted)
         )
 
-    def fit_column_face(rows: NDArray[np.int64]) -> Plane:
-        return _fitted_face(cloud, rows, "finished wall", noise).plane
-
     columns = [
-        _built_column(shape, room) for room in rooms for shape in find_columns(room, upright, cloud, band, fit_column_face)
-    ]
+        column for room in rooms for rows in column_returns(room, upright, cloud)
+        if (column := _built_column(cloud, rows, room, band, noise)) is not None
+    ]  # fmt: skip
     built_rooms = [_built_room(cloud, r, columns, storey.has_ceiling, band, noise) for r in rooms]
     return StoreyParts(rooms, built_rooms, walls, columns)
 
 
-def _built_column(shape: ColumnShape, room: Room) -> BuiltColumn:
+def _built_column(
+    cloud: Cloud, rows: NDArray[np.int64], room: Room, band: float, noise: PointNoise
+) -> BuiltColumn | None:
+    def fit_face(own: NDArray[np.int64]) -> Plane:
+        return _fitted_face(cloud, rows[own], "finished wall", noise).plane
+
+    shape = fit_column(cloud.points[rows].astype(np.float64), cloud.stations[cloud.station[rows]], band, fit_face)
+    if shape is None:
+        return None
     fit = FitRecord(
         shape.residual_mean, shape.residual_sigma, shape.seen, shape.position_sigma, EDGES if shape.hidden else MEASURED,
         shape.returns,
