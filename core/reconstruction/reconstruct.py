@@ -49,6 +49,11 @@ def reconstruct(source: ScanSource, sigma: float, memory_gb: float, progress: Pr
         reconstruct_storey(rays, surfels, s, noise, progress.part(0.3 + step * k, 0.3 + step * (k + 1)))
         for k, s in enumerate(storeys)
     ]
+    if not any(p.rooms or p.walls for p in parts):
+        raise BimVerifyError(
+            f"{', '.join(source.paths)} shows a floor, but no wall and no closed room, so there is no building to write; give "
+            "scans from inside rooms."
+        )
     built = tuple(_storey(k, storeys, parts, surfels) for k in range(len(storeys)))
     result = Reconstruction(cloud.origin, built, cloud.total, len(cloud.stations), source.paths)
     result.warnings += _warnings(result, storeys)
