@@ -91,7 +91,8 @@ def _parser() -> argparse.ArgumentParser:
         sub._negative_number_matcher = NUMBERS  # no option begins so, and places may: --near -5,0,2
         for argument in command.arguments:
             _add(sub, argument)
-        sub.add_argument("--blend", metavar="FILE", help="save the coloured scene (needs Blender or the bpy module)")
+        text = "save the coloured scene (needs Blender or the bpy module)" if command.shown else argparse.SUPPRESS
+        sub.add_argument("--blend", metavar="FILE", help=text)
         sub.set_defaults(command=command)
     return parser
 

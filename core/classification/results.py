@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..model.elements import BuildingModel
-from ..scans.campaign import ScanSource, Station
+from ..scans.campaign import DropCount, ScanSource, Station
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,8 @@ class Classification:
     absent: tuple[str, ...] = ()
     """GlobalIds of the elements that a verification found absent: nothing was assigned to them."""
     timings: dict[str, float] = field(default_factory=dict)
+    dropped: DropCount = field(default_factory=DropCount)
+    """Points of the scans that are no returns."""
 
     @property
     def stations(self) -> tuple[Station, ...]:
@@ -65,6 +67,7 @@ def classification_to_json(result: Classification) -> dict[str, Any]:
         "scans": list(result.source.paths),
         "returns": int(per_element.sum()),
         "unassigned": int(per_element[-1]),
+        "dropped": asdict(result.dropped),
         "reach": result.reach,
         "registration_sigma": result.registration_sigma,
         "stations": [

@@ -19,6 +19,8 @@ from .sort import AXES, COLORS, DEVIATION, STATION, SortedReturns
 
 ELEMENT = "element"
 RESOLUTION_M = 1e-4
+FARTHEST_M = RESOLUTION_M * (2**31 - 1)
+"""LAS counts steps of the resolution in 32 bits."""
 CHUNK = 1_000_000
 MOST_STATIONS = 65_535
 RECORD_USER, RECORD_ID = "bim_verify", 1
@@ -40,6 +42,7 @@ def write_classified_las(
     if len(result.stations) > MOST_STATIONS:
         raise BimVerifyError(f"LAS can name {MOST_STATIONS:,} stations, and the scans have more. Write an E57 file.")
     with SortedReturns(result, memory_gb, progress.part(0.0, 0.5)) as returns, whole_file(path) as temporary:
+        _refuse_far(result, returns)
         header = _header(result, returns)
         low, gain = _intensity_range(returns)
         edge = returns.start[:: len(result.stations)]
@@ -64,6 +67,17 @@ def write_classified_las(
                 writer.write_points(points)
                 progress.update(0.5 + 0.5 * begin / max(total, 1), "Writing the classified cloud")
             writer.write_evlrs(VLRList([laspy.VLR(RECORD_USER, RECORD_ID, "elements and stations", _legend(result))]))
+
+
+def _refuse_far(result: Classification, returns: SortedReturns) -> None:
+    far = np.zeros(len(returns.rows), dtype=np.bool_)
+    for axis, middle in zip(AXES, result.model.origin, strict=True):
+        far |= np.abs(returns.rows[axis] - middle) > FARTHEST_M
+    if far.any():
+        raise BimVerifyError(
+            f"{int(far.sum()):,} returns lie farther than {FARTHEST_M / 1000:.0f} km from the model, which LAS cannot hold at "
+            f"{1000 * RESOLUTION_M:g} mm; remove them from the scans, or write an E57 file."
+        )
 
 
 def _header(result: Classification, returns: SortedReturns) -> laspy.LasHeader:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ..classification.results import Classification
 from ..errors import BimVerifyError
 from ..options import ClassifyOptions
 from ..progress import Progress
@@ -43,7 +44,7 @@ def _classify(values: Values, progress: Progress) -> Outcome:
     if values["report"]:
         check_report(values["report"], (PAGE,), inputs, outputs)
     result = classify(values["model"], values["scan"], options, progress.part(0.0, 0.6))
-    lines = [result.summary(), *_notes(result.moved, result.absent), f"Classified cloud: {values['out']}"]
+    lines = [result.summary(), *_notes(result, values["scan"]), f"Classified cloud: {values['out']}"]
     if values["report"]:
         lines.append(f"Report: {Path(values['report']) / PAGE}")
 
@@ -58,10 +59,22 @@ def _classify(values: Values, progress: Progress) -> Outcome:
     return Outcome(lines, classification_to_json(result), result, write)
 
 
-def _notes(moved: dict[str, tuple[float, float, float]], absent: tuple[str, ...]) -> list[str]:
-    if not moved and not absent:
-        return []
-    return [f"{len(moved)} moved elements were looked for where they stand, {len(absent)} absent ones not at all."]
+def _notes(result: Classification, scans: list[str]) -> list[str]:
+    out = []
+    if result.moved or result.absent:
+        out.append(
+            f"{len(result.moved)} moved elements were looked for where they stand, {len(result.absent)} absent ones not at all."
+        )
+    lost = result.dropped
+    if lost.total:
+        out.append(
+            f"Note: {lost.total:,} points of the scans are no returns and are left out: {lost.invalid:,} marked invalid, "
+            f"{lost.zero:,} at the scanner itself, {lost.not_finite:,} without a finite place."
+        )
+    again = {path for path in scans if sum(Path(other).resolve() == Path(path).resolve() for other in scans) > 1}
+    if again:
+        out.append(f"Note: given more than once, so that their returns count again: {', '.join(sorted(again))}.")
+    return out
 
 
 COMMAND = Command(

@@ -45,4 +45,5 @@ COMMAND = Command(
         *(argument for argument in COMMON if argument.name in ("--json", "--quiet")),
     ),
     _compare,
+    shown=False,
 )

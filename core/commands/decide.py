@@ -46,4 +46,5 @@ COMMAND = Command(
         *COMMON,
     ),
     _decide,
+    shown=False,
 )

@@ -29,4 +29,5 @@ COMMAND = Command(
     "say what IFC and scan files hold",
     (Argument("FILE", "IFC or scan files", many=True, required=True), *COMMON),
     _info,
+    shown=False,
 )

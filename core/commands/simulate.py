@@ -48,4 +48,5 @@ COMMAND = Command(
         *COMMON,
     ),
     _simulate,
+    shown=False,
 )

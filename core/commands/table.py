@@ -51,6 +51,8 @@ class Command:
     help: str
     arguments: tuple[Argument, ...]
     run: Callable[[Values, Progress], Outcome]
+    shown: bool = True
+    """Whether ``--blend`` has something to show; its help is hidden otherwise."""
 
     def defaults(self) -> Values:
         """What ``run`` takes when nothing is given."""

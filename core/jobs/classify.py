@@ -72,6 +72,7 @@ def classify(
     return Classification(
         model, source, element, deviation, counts, mean, spread, window.reach, registration, moved,
         tuple(e.global_id for e, gone in zip(model.elements, absent, strict=True) if gone), watch.seconds,
+        source.dropped,
     )
 
 

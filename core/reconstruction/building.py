@@ -18,6 +18,8 @@ from .openings import Opening
 Array = NDArray[np.float64]
 
 MEASURED, REVEAL, ASSUMED = "MEASURED", "REVEAL", "ASSUMED"
+EDGES = "EDGES"
+"""Of a column with a hidden side: its thickness follows from where the faces beside it end."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,10 @@ class BuiltColumn:
     base: float
     top: float
     fit: FitRecord
+    hidden: tuple[str, ...] = ()
+    """Sides that no scanner saw (``column_fit.SIDES``)."""
+    on: float = 1.0
+    """Share of the returns about it that lie on its outline."""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ limits are fixed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from .opening_edges import SIDES
-from .shapes import Shape
+from .shapes import Shape, Shapes
 
 Array = NDArray[np.float64]
 
@@ -30,6 +30,18 @@ PLACE_LIMIT_M = 0.4
 """Middles of openings, doors, windows and columns."""
 LEAST_COMMON = 0.5
 """Volume of the boxes' intersection over their union, for spaces and slabs."""
+
+
+_AXIS, _MIDDLE, _HEIGHT = ("axis", "axis"), ("middle", "middle"), ("height", "height")
+_SIZES = (("length", "length"), ("width", "width"), _HEIGHT)
+_HOLE = (_AXIS, ("length", "width"), _HEIGHT)
+SAID = {
+    "walls": (_AXIS, ("width", "thickness"), ("length", "length"), _HEIGHT), "columns": (_MIDDLE, *_SIZES),
+    "openings": _HOLE, "doors": _HOLE, "windows": _HOLE, "spaces": (_MIDDLE, *_SIZES), "slabs": (_MIDDLE, *_SIZES),
+}
+"""Differences that are told of each class, and their names: the length of a hole along its wall is its width."""
+COUNTS = "places in plan, length times width, and angle count, heights do not"
+"""What the number says, for a person."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +63,11 @@ class Match:
     """Differences of the places of start, end (along the found wall), sill and head [m]."""
 
     @property
+    def size(self) -> float:
+        """The larger of the differences of length and width, metres."""
+        return max(abs(self.length), abs(self.width))
+
+    @property
     def edge(self) -> float:
         """Largest difference of an edge, metres."""
         return max(abs(e) for e in self.edges)
@@ -70,7 +87,7 @@ class Match:
 
     @property
     def quality(self) -> float:
-        """0 equal, 1 as far apart as the limits, or more."""
+        """0 in the same place, 1 as far apart as the limits, or more; a difference of length or height alone counts nothing."""
         area = abs(self.length) * abs(self.width)
         distance = float(np.linalg.norm((self.found.middle - self.reference.middle)[:2]))
         return (
@@ -119,23 +136,49 @@ class Comparison:
     """All classes that either model has."""
 
     classes: dict[str, ClassComparison] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    """What was not compared, and what looks wrong."""
 
     @property
     def quality(self) -> float:
-        """Mean over all elements of the reference and those that are in none: 0 equal; what has no partner counts 1."""
+        """Mean over all elements of the reference and those that are in none; what has no partner counts 1."""
         values = [m.quality for c in self.classes.values() for m in c.matches]
         alone = sum(len(c.missed) + len(c.extra) for c in self.classes.values())
         return float((sum(values) + alone) / max(len(values) + alone, 1))
 
 
-def compare(found: dict[str, list[Shape]], reference: dict[str, list[Shape]]) -> Comparison:
+def compare(found: Shapes, reference: Shapes) -> Comparison:
     """Match the elements of two models class by class, one to one."""
     classes = {}
     for kind in reference:
         a, b = found.get(kind, []), reference[kind]
         if a or b:
             classes[kind] = _compare_class(kind, a, b)
-    return Comparison(classes)
+    return Comparison(classes, (*_left_out(found, "model"), *_left_out(reference, "reference"), *_apart(found, reference)))
+
+
+def _left_out(shapes: Shapes, whose: str) -> list[str]:
+    parts = [f"{what}: {count}" for what, count in shapes.left_out.items()]
+    return [f"Not compared, of the {whose}: {', '.join(parts)}."] if parts else []
+
+
+def _apart(found: Shapes, reference: Shapes) -> list[str]:
+    """A sentence where the two models share no place."""
+    (low_a, high_a), (low_b, high_b) = _bounds(found), _bounds(reference)
+    if (low_a <= high_b).all() and (low_b <= high_a).all():
+        return []
+    x, y, z = 0.5 * (low_a + high_a - low_b - high_b)
+    return [
+        f"The models do not overlap: the middle of the first lies {x:z.1f}, {y:z.1f}, {z:z.1f} m from that of the reference "
+        "(x, y, z), so they are probably in different frames."
+    ]
+
+
+def _bounds(shapes: Shapes) -> tuple[Array, Array]:
+    all_of = [s for own in shapes.values() for s in own]
+    reach = [np.append(np.full(2, np.hypot(s.length, s.width) / 2), s.height / 2) for s in all_of]
+    middle = np.array([s.middle for s in all_of])
+    return (middle - reach).min(axis=0), (middle + reach).max(axis=0)
 
 
 def _compare_class(kind: str, found: list[Shape], reference: list[Shape]) -> ClassComparison:
@@ -157,6 +200,10 @@ def _compare_class(kind: str, found: list[Shape], reference: list[Shape]) -> Cla
 
 
 def _match(kind: str, a: Shape, b: Shape) -> Match | None:
+    if a.round:
+        a = replace(a, along=b.along)
+    elif b.round:
+        b = replace(b, along=a.along)
     cosine = float(np.clip(abs(a.along @ b.along), 0.0, 1.0))
     angle = float(np.arccos(cosine))
     turned = kind not in ("walls", "openings") and angle > np.pi / 4
@@ -196,12 +243,14 @@ def comparison_to_json(result: Comparison) -> dict[str, Any]:
     """Plain values, metres and degrees."""
     return {
         "quality": result.quality,
-        "limits": {"middle_m": MIDDLE_LIMIT_M, "area_m2": AREA_LIMIT_M2},
+        "limits": {"middle_m": MIDDLE_LIMIT_M, "area_m2": AREA_LIMIT_M2}, "notes": list(result.notes),
         "classes": {
             kind: {
                 "found": c.found, "reference": c.reference, "matched": len(c.matches), "precision": c.precision,
                 "recall": c.recall, "f1": c.f1,
                 "axis_max_m": c.largest("axis"), "width_max_m": c.largest("width"), "edge_max_m": c.largest("edge"),
+                "length_max_m": c.largest("length"), "height_max_m": c.largest("height"), "middle_max_m": c.largest("middle"),
+                "angle_max_deg": float(np.degrees(c.largest("angle"))),
                 "pairs": [
                     {
                         "found": m.found.global_id, "reference": m.reference.global_id, "quality": m.quality,
@@ -219,18 +268,23 @@ def comparison_to_json(result: Comparison) -> dict[str, Any]:
 
 
 def comparison_lines(result: Comparison) -> list[str]:
-    """For a person."""
+    """For a person; the number comes last."""
     out = []
     for kind, c in result.classes.items():
         text = f"{kind}: {len(c.matches)} of {c.reference} found, {len(c.extra)} not in the reference, F1 {c.f1:.3f}"
-        if c.matches and kind in ("walls", "openings"):
-            text += f"; axis {c.median('axis') * 1000:.1f} mm (at most {c.largest('axis') * 1000:.1f})"
-            if kind == "walls":
-                text += f", thickness {c.median('width') * 1000:.1f} mm (at most {c.largest('width') * 1000:.1f})"
-            else:
+        if c.matches:
+            parts = [_median(c, what, name) for what, name in SAID[kind]]
+            parts.append(f"angle {np.degrees(c.median('angle')):.2f} (at most {np.degrees(c.largest('angle')):.2f}) degrees")
+            if kind == "openings":
                 hidden = sum(len(m.found.hidden) for m in c.matches)
-                text += f", edges that were seen at most {c.largest('seen_edge') * 1000:.1f} mm"
-                text += f", with the {hidden} hidden ones {c.largest('edge') * 1000:.1f} mm" if hidden else ""
+                parts.append(f"edges that were seen at most {c.largest('seen_edge') * 1000:.1f} mm")
+                parts += [f"with the {hidden} hidden ones {c.largest('edge') * 1000:.1f} mm"] if hidden else []
+            text += "; " + ", ".join(parts)
         out.append(text + ".")
-    out.append(f"Quality against the reference: {result.quality:.3f} (0 is equal).")
+    out += result.notes
+    out.append(f"Thomson and Boehm's number: {result.quality:.3f} ({COUNTS}; 1 for what has no partner).")
     return out
+
+
+def _median(c: ClassComparison, what: str, name: str) -> str:
+    return f"{name} {1000 * c.median(what):.1f} (at most {1000 * c.largest(what):.1f}) mm"

@@ -11,12 +11,13 @@ from .compare import AREA_LIMIT_M2, MIDDLE_LIMIT_M, ClassComparison, Comparison,
 from .shapes import Shape
 
 MEANING = (
-    f"0 is equal, 1 as far apart as the limits, which are fixed, so that runs compare: middles in plan {MIDDLE_LIMIT_M:g} m "
-    f"apart, difference of length times difference of width {AREA_LIMIT_M2:g} m2, sine of the angle 1; the mean of the three. "
-    "What has no partner counts 1."
+    f"It is the mean of three: the distance of the middles in plan over {MIDDLE_LIMIT_M:g} m, difference of length times "
+    f"difference of width over {AREA_LIMIT_M2:g} m2, both at most 1, and the sine of the angle. The limits are fixed, so that "
+    "runs compare. What has no partner counts 1. It does not see heights, nor a difference of length or of width alone: those "
+    "are in the columns."
 )
 COLUMNS = (
-    "Found", "In the reference", "Quality", "Middle mm", "Axis mm", "Angle °", "Length mm", "Width mm", "Height mm", "Edge mm",
+    "Found", "In the reference", "Number", "Middle mm", "Axis mm", "Angle °", "Length mm", "Width mm", "Height mm", "Edge mm",
 )
 
 
@@ -30,17 +31,19 @@ def write_comparison_report(folder: str | Path, result: Comparison, found: str, 
 def comparison_sections(result: Comparison) -> list[Section]:
     """One table of the classes, then for each class its pairs and what has no partner."""
     sections = [Section(
-        "Against the reference", f"Quality {result.quality:.3f}. {MEANING}",
+        "Against the reference", f"Thomson and Boehm's number is {result.quality:.3f}. {MEANING}",
         columns=(
-            "Class", "Reference", "Found", "Matched", "Precision", "Recall", "F1", "Axis max mm", "Width max mm",
-            "Edge max mm, seen", "Edge max mm, all",
+            "Class", "Reference", "Found", "Matched", "Precision", "Recall", "F1", "Middle max mm", "Axis max mm",
+            "Angle max °", "Length max mm", "Width max mm", "Height max mm", "Edge max mm, seen", "Edge max mm, all",
         ),
         rows=[
             (kind, str(c.reference), str(c.found), str(len(c.matches)), f"{c.precision:.3f}", f"{c.recall:.3f}",
-             f"{c.f1:.3f}", *(millimetres(c.largest(w)) for w in ("axis", "width", "seen_edge", "edge")))
+             f"{c.f1:.3f}", millimetres(c.largest("middle")), millimetres(c.largest("axis")),
+             f"{np.degrees(c.largest('angle')):.2f}",
+             *(millimetres(c.largest(w)) for w in ("length", "width", "height", "seen_edge", "edge")))
             for kind, c in result.classes.items()
         ],
-        numeric=frozenset(range(1, 11)),
+        numeric=frozenset(range(1, 15)),
     )]  # fmt: skip
     return sections + [_pairs(c) for c in result.classes.values()]
 
@@ -60,4 +63,5 @@ def _pairs(c: ClassComparison) -> Section:
 
 
 def _name(shape: Shape) -> str:
-    return shape.name or shape.global_id
+    name = shape.name or shape.global_id
+    return f"{name}, {shape.storey}" if shape.storey else name

@@ -56,7 +56,12 @@ def face_returns(cloud: Cloud, rows: Rows, kind: str, noise: PointNoise) -> Face
     """Of the rows of a cloud, thinned where they are many."""
     rows = rows[:: max(1, len(rows) // FIT_POINTS)]
     points, station = cloud.points[rows].astype(np.float64), cloud.station[rows].astype(np.int64)
-    plane = fit_plane(points, cloud.stations[station], noise).facing(cloud.stations[station[0]])
+    return returns_on(points, station, cloud.stations, kind, noise)
+
+
+def returns_on(points: Array, station: Rows, stations: Array, kind: str, noise: PointNoise) -> FaceReturns:
+    """Of places (N, 3) and the rows of the stations (S, 3) that saw them."""
+    plane = fit_plane(points, stations[station], noise).facing(stations[station[0]])
     return FaceReturns(points, station, kind, plane)
 
 

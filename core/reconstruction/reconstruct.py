@@ -20,6 +20,8 @@ from .storey import StoreyParts, draft_storey, finish_storey
 Array = NDArray[np.float64]
 
 SLAB_M = 0.2
+SMALLEST_SLAB_M2 = 1.0
+LEAST_ON_OUTLINE = 0.85
 THICKEST_SLAB_M = 1.2
 MOST_POINTS = 12_000_000
 """Rays that are followed; more are thinned evenly, their surfels are not."""
@@ -55,6 +57,11 @@ def reconstruct(
     poses = agreement([f for d in drafts for f in d.faces], len(cloud.stations), registration_sigma)
     progress.update(0.9, "Fitting faces")
     parts = [finish_storey(d, Survey(cloud.stations, noise, poses)) for d in drafts]
+    if not any(p.rooms or p.walls for p in parts):
+        raise BimVerifyError(
+            f"{', '.join(source.paths)} shows a floor, but no wall and no closed room, so there is no building to write; give "
+            "scans from inside rooms."
+        )
     built = tuple(_storey(k, storeys, parts, surfels) for k in range(len(storeys)))
     result = Reconstruction(cloud.origin, built, cloud.total, len(cloud.stations), source.paths, poses)
     result.warnings += _warnings(result, storeys)
@@ -72,28 +79,33 @@ def _storey(k: int, storeys: list[Storey], parts: list[StoreyParts], surfels: Su
     storey, part = storeys[k], parts[k]
     name = "Ground floor" if k == 0 else f"Floor {k}"
     slabs = []
-    foot = _footprint(part)
-    if foot is not None:
-        below = storeys[k - 1] if k else None
+    below = storeys[k - 1] if k else None
+    for foot in _footprints(part, parts[k - 1] if k else None):
         gap = storey.floor - below.ceiling if below and below.has_ceiling else None
         measured = gap is not None and 0.05 < gap < THICKEST_SLAB_M
         fit = _level_fit(surfels, storey.floor, 1.0, MEASURED if measured else ASSUMED)
         slabs.append(BuiltSlab(foot, storey.floor, gap if measured and gap else SLAB_M, "FLOOR" if k else "BASESLAB", fit))
-        if k + 1 == len(storeys) and storey.has_ceiling:
-            fit = _level_fit(surfels, storey.ceiling, -1.0, ASSUMED)
-            slabs.append(BuiltSlab(foot, storey.ceiling + SLAB_M, SLAB_M, "ROOF", fit))
+    if k + 1 == len(storeys) and storey.has_ceiling:
+        fit = _level_fit(surfels, storey.ceiling, -1.0, ASSUMED)
+        slabs += [BuiltSlab(foot, storey.ceiling + SLAB_M, SLAB_M, "ROOF", fit) for foot in _footprints(part)]
     return BuiltStorey(
         name, storey.floor, storey.ceiling, tuple(part.walls), tuple(part.columns), tuple(slabs), tuple(part.built_rooms)
     )
 
 
-def _footprint(part: StoreyParts) -> Polygon | None:
+def _footprints(part: StoreyParts, below: StoreyParts | None = None) -> list[Polygon]:
+    """Outlines of a storey's slab: its rooms and walls, and those of the storey below whose ceilings were seen.
+
+    Holes are filled: nothing tells a courtyard or a stairwell from a room that was not scanned.
+    """
     shapes = [r.outline for r in part.rooms] + [w.footprint for w in part.walls]
-    if not shapes:
-        return None
+    if below is not None and shapes:
+        covered = {k for k, r in enumerate(below.built_rooms) if r.ceiling_face is not None}
+        shapes += [below.rooms[k].outline for k in covered]
+        shapes += [w.footprint for w in below.walls if covered & set(w.rooms)]
     whole = union_all([s.buffer(0.05, join_style="mitre") for s in shapes]).buffer(-0.05, join_style="mitre")
-    largest = max(whole.geoms, key=lambda p: p.area) if isinstance(whole, MultiPolygon) else whole
-    return Polygon(largest.exterior).simplify(0.002) if not largest.is_empty else None
+    outlines = list(whole.geoms) if isinstance(whole, MultiPolygon) else [whole]
+    return [Polygon(p.exterior).simplify(0.002) for p in outlines if p.area > SMALLEST_SLAB_M2]
 
 
 def _level_fit(surfels: Surfels, level: float, side: float, source: str) -> FitRecord:
@@ -114,7 +126,27 @@ def _warnings(result: Reconstruction, storeys: list[Storey]) -> list[str]:
             out.append(f"{built.name}: no ceiling was seen, so its rooms and heights follow from the walls.")
         if not built.rooms:
             out.append(f"{built.name}: no closed room was found.")
+    for built in result.storeys[1:]:
+        own = union_all([r.outline for r in built.rooms] + [w.footprint for w in built.walls])
+        beyond = sum(s.footprint.difference(own.buffer(0.1)).area for s in built.slabs if s.kind == "FLOOR")
+        if beyond > SMALLEST_SLAB_M2:
+            out.append(
+                f"{built.name}: {beyond:.0f} m2 of its slab follow from the ceilings below; what lies on it there was not seen."
+            )
     assumed = sum(w.fit.thickness_source == ASSUMED for s in result.storeys for w in s.walls)
     if assumed:
         out.append(f"{assumed} of {result.count('walls')} walls were seen from one side only; their thickness is assumed.")
+    columns = [c for s in result.storeys for c in s.columns]
+    hidden = sum(bool(c.hidden) for c in columns)
+    if hidden:
+        out.append(
+            f"{hidden} of {len(columns)} columns have a side that no scanner saw; its place follows from where the faces "
+            "beside it end."
+        )
+    unlike = sum(c.on < LEAST_ON_OUTLINE for c in columns)
+    if unlike:
+        out.append(
+            f"{unlike} of {len(columns)} columns have more than {100 * (1 - LEAST_ON_OUTLINE):.0f} % of the returns about them "
+            "off their outline: something stands against them, or they are no plain columns."
+        )
     return out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from shapely import Polygon
 
 from ..dimensions.table import COLUMNS, NUMERIC, shown
 from ..report.plain_page import Section, millimetres, percent, write_page
-from .building import ASSUMED, BuiltStorey, Reconstruction
+from .building import ASSUMED, BuiltStorey, BuiltWall, Reconstruction
 from .compare import Comparison
 from .compare_report import comparison_sections
 from .dimensions import storey_rows
@@ -71,7 +72,8 @@ def _caption(storey: BuiltStorey) -> str:
     assumed = sum(w.fit.thickness_source == ASSUMED for w in storey.walls)
     return (
         f"{len(storey.rooms)} rooms, {len(storey.walls)} walls; light grey: {assumed} walls whose thickness is "
-        "assumed. Doors brown, windows blue, openings without a leaf, or whose foot is hidden, grey."
+        "assumed. Numbers on walls are those of the tables. Doors brown, windows blue, openings without a leaf, or whose foot "
+        "is hidden, grey."
     )
 
 
@@ -89,6 +91,10 @@ def _plan(storey: BuiltStorey) -> Markup:
 
     def polygon(shape: Polygon, style: str, title: str) -> str:
         return f'<polygon points="{points(list(shape.exterior.coords))}" {style}><title>{escape(title)}</title></polygon>'
+
+    def label(at: tuple[float, ...], text: str, kind: str) -> str:
+        x, y = points([at]).split(",")
+        return f'<text x="{x}" y="{y}" class="{kind}">{text}</text>'
 
     parts = [
         polygon(r.outline, 'fill="#eef3ea" stroke="none"', f"Room {k}: {r.outline.area:.2f} m2")
@@ -108,11 +114,21 @@ def _plan(storey: BuiltStorey) -> Markup:
     parts += [polygon(c.footprint, 'fill="#7a3b3b"', f"Column {k}") for k, c in enumerate(storey.columns, start=1)]
     for k, r in enumerate(storey.rooms, start=1):
         at = r.outline.representative_point()
-        x, y = points([(at.x, at.y)]).split(",")
-        parts.append(f'<text x="{x}" y="{y}" font-size="13" text-anchor="middle" fill="#333">{k}</text>')
+        parts.append(label((at.x, at.y), f"Room {k}", "label room"))
+    for k, w in enumerate(storey.walls, start=1):
+        parts.append(label(tuple(_solid_middle(w)), str(k), "label"))
     return Markup(
         f'<svg viewBox="0 0 {WIDTH + 10} {height + 10:.0f}" role="img" aria-label="Plan">{"".join(parts)}</svg>'
     )
+
+
+def _solid_middle(wall: BuiltWall) -> NDArray[np.float64]:
+    """(2,) of the longest piece of wall between its openings."""
+    ends = sorted([0.0, wall.length, *(u for o in wall.openings for u in (o.u0, o.u1))])
+    pieces = [
+        (b - a, 0.5 * (a + b)) for a, b in pairwise(ends) if not any(o.u0 < 0.5 * (a + b) < o.u1 for o in wall.openings)
+    ]
+    return np.asarray(wall.start + wall.along * max(pieces, default=(0.0, wall.length / 2))[1])
 
 
 def _left(along: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,15 +10,17 @@ from shapely import MultiPolygon, Polygon, contains_xy, union_all
 
 from ..planes.cloud import Cloud
 from ..planes.derived import Estimate, plumb_deviation
+from ..planes.fit import Plane
 from ..planes.noise import PointNoise
 from ..planes.surfels import Surfels
 from ..progress import Progress
-from .building import ASSUMED, BuiltColumn, BuiltRoom, BuiltWall, FitRecord, FittedFace
-from .columns import find_columns
+from .building import ASSUMED, EDGES, MEASURED, BuiltColumn, BuiltRoom, BuiltWall, FitRecord, FittedFace
+from .column_fit import fit_column
+from .columns import column_returns
 from .crossings import BAND_M, Crossings, cross
 from .face_points import EDGE_M, REACH_M, surface_returns
 from .faces import find_faces, upright_surfels
-from .fitted import FIT_POINTS, LEAST_FIT, FaceReturns, Survey, face_returns, fitted_face, room_faces
+from .fitted import FIT_POINTS, LEAST_FIT, FaceReturns, Survey, face_returns, fitted_face, returns_on, room_faces
 from .joins import JoinedWall, join_walls
 from .levels import Storey
 from .openings import FaceRaster, Opening, face_raster, find_openings
@@ -66,7 +68,10 @@ class StoreyDraft:
     rooms: list[Room]
     levels: list[tuple[FaceReturns | None, FaceReturns | None]]
     """Floor and ceiling of each room."""
-    columns: list[BuiltColumn]
+    columns: list[tuple[Room, Array, NDArray[np.int64]]]
+    """Room, (N, 3) returns [m] and their stations of what may be a column."""
+    band: float
+    """Returns this close to a face are on it [m]."""
 
     @property
     def faces(self) -> list[FaceReturns]:
@@ -97,17 +102,16 @@ def draft_storey(
     progress.update(0.9, "Fitting faces")
     for w in work:
         w.faces = _wall_returns(cloud, w, band, noise)
-    columns = []
-    for room in rooms:
-        for shape in find_columns(room, upright):
-            fit = FitRecord(shape.residual, shape.residual, shape.seen, noise.sigma_range, "MEASURED", 0)
-            columns.append(BuiltColumn(shape.footprint, shape.radius, room.floor, room.ceiling, fit))
+    columns = [
+        (room, cloud.points[rows].astype(np.float64), cloud.station[rows].astype(np.int64))
+        for room in rooms for rows in column_returns(room, upright, cloud)
+    ]  # fmt: skip
     levels = [
         (_level_returns(cloud, r, r.floor, 1.0, band, noise),
          _level_returns(cloud, r, r.ceiling, -1.0, band, noise) if storey.has_ceiling else None)
         for r in rooms
     ]  # fmt: skip
-    return StoreyDraft(work, joined, rooms, levels, columns)
+    return StoreyDraft(work, joined, rooms, levels, columns, band)
 
 
 def finish_storey(draft: StoreyDraft, survey: Survey) -> StoreyParts:
@@ -125,12 +129,31 @@ def finish_storey(draft: StoreyDraft, survey: Survey) -> StoreyParts:
                       tuple(sorted(w.line.rooms)), external, _record(w, fitted), lean.value, lean.sigma,
                       tuple(fitted))
         )  # fmt: skip
+    columns = [c for candidate in draft.columns if (c := _built_column(*candidate, draft.band, survey)) is not None]
     built = []
     for room, (bottom, top) in zip(draft.rooms, draft.levels, strict=True):
         floor, ceiling = (None if f is None else fitted_face(f, survey) for f in (bottom, top))
         own = room_faces(room.outline, pairs, survey)
-        built.append(BuiltRoom(_without(room, draft.columns), room.floor, room.ceiling, floor, ceiling, own))
-    return StoreyParts(draft.rooms, built, walls, draft.columns)
+        built.append(BuiltRoom(_without(room, columns), room.floor, room.ceiling, floor, ceiling, own))
+    return StoreyParts(draft.rooms, built, walls, columns)
+
+
+def _built_column(
+    room: Room, points: Array, station: NDArray[np.int64], band: float, survey: Survey
+) -> BuiltColumn | None:
+    def fit_face(own: NDArray[np.int64]) -> Plane:
+        own = own[:: max(1, len(own) // FIT_POINTS)]
+        face = returns_on(points[own], station[own], survey.stations, "finished wall", survey.noise)
+        return fitted_face(face, survey).plane
+
+    shape = fit_column(points, survey.stations[station], band, fit_face)
+    if shape is None:
+        return None
+    fit = FitRecord(
+        shape.residual_mean, shape.residual_sigma, shape.seen, shape.position_sigma, EDGES if shape.hidden else MEASURED,
+        shape.returns,
+    )
+    return BuiltColumn(shape.footprint, shape.radius, room.floor, room.ceiling, fit, shape.hidden, shape.on)
 
 
 def _without(room: Room, columns: list[BuiltColumn]) -> Polygon:

@@ -86,7 +86,9 @@ def _storey(s: BuiltStorey, ids: StoreyIds, origin: list[float]) -> dict[str, An
         ],
         "columns": [
             {**_named(ids.columns, k), "outline": [place(p) for p in list(c.footprint.exterior.coords)[:-1]],
-             "radius": c.radius}
+             "radius": c.radius, "base": c.base + z, "top": c.top + z, "fit_mean": c.fit.fit_mean, "fit_sigma": c.fit.fit_sigma,
+             "position_sigma": c.fit.position_sigma, "quality": c.fit.quality, "thickness_source": c.fit.thickness_source,
+             "hidden_faces": list(c.hidden), "on_outline": c.on}
             for k, c in enumerate(s.columns)
         ],
     }  # fmt: skip

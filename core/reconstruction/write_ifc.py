@@ -16,7 +16,7 @@ from ... import __version__
 from ..files import whole_file
 from .building import BuiltSlab, BuiltStorey, BuiltWall, FitRecord, Reconstruction, StoreyIds
 from .openings import Opening
-from .shapes import HIDDEN_EDGES, PSET_NAME
+from .shapes import HIDDEN_EDGES, HIDDEN_FACES, PSET_NAME
 
 Array = NDArray[np.float64]
 
@@ -127,7 +127,8 @@ class _Writer:
             centre = column.footprint.centroid
             profile = self._circle(centre.x, centre.y, column.radius) if column.radius else self._profile(column.footprint)
             self._body(product, self._extrude(profile, column.base - built.floor, column.top - column.base))
-            self._pset(product, column.fit)
+            hidden = {} if column.radius else {HIDDEN_FACES: f.create_entity("IfcLabel", ", ".join(column.hidden) or "none")}
+            self._pset(product, column.fit, hidden)
             made["columns"].append(product)
             contained.append(product)
         for slab in built.slabs:

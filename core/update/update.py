@@ -19,6 +19,10 @@ from .placements import Changed, location_of, move, with_what_hangs_on_it
 PSET_NAME = "BimVerify_Update"
 OWN, FOLLOWS, KEPT = "MOVED", "FOLLOWS", "KEPT"
 """Moved by its own displacement; with its host, whole or filling; its place kept though what it hangs on moved."""
+MOST_SHIFT_M = 10.0
+"""An element is not found farther from its plan: a larger number is none of a verification."""
+TOLD = 5
+"""Notes that are told one by one; the report and the JSON file have all."""
 SAME_SHIFT = 1e-9
 """Relative: a displacement that was applied already."""
 
@@ -68,7 +72,7 @@ def update_file(file: Any) -> UpdateResult:
 
     unit = float(ifcopenshell.util.unit.calculate_unit_scale(file))
     records = {p.id(): found for p, found in _with_set(file, PSET_NAME)}
-    own, notes, verified = _displaced(file, records)
+    own, notes, verified = _displaced(file, records, unit)
     if not verified:
         raise BimVerifyError(
             f"The model carries no property set {VERIFICATION}: write it first (bim-verify verify ... --out VERIFIED.ifc)."
@@ -112,7 +116,7 @@ def undo_file(file: Any) -> UpdateResult:
         if moved is None:
             continue
         if product.ObjectPlacement is not None and not product.ObjectPlacement.is_a("IfcLocalPlacement"):
-            notes.append(f"{product.GlobalId} is placed by {product.ObjectPlacement.is_a()} and was not put back.")
+            notes.append(f"{_called(product)} is placed by {product.ObjectPlacement.is_a()} and was not put back.")
             continue
         shifts[product.id()] = -moved
         pset = own_set(file, product, PSET_NAME)
@@ -155,16 +159,21 @@ def _confirmed_followers(file: Any, follows: dict[int, str]) -> list[str]:
 def update_lines(result: UpdateResult, undo: bool = False) -> list[str]:
     """The result in a few lines for a person."""
     if undo:
-        return [f"{len(result.updates)} elements put back.", *(f"Note: {note}" for note in result.notes[:5])]
+        return [f"{len(result.updates)} elements put back.", *_told(result.notes)]
     first = (
         f"{result.count(OWN)} displaced elements moved to where they stand, {result.count(FOLLOWS)} openings, fillings and "
         f"parts followed, {result.count(KEPT)} kept their place."
     )
-    return [first, *(f"Note: {note}" for note in result.notes[:5])]
+    return [first, *_told(result.notes)]
+
+
+def _told(notes: tuple[str, ...]) -> list[str]:
+    more = [f"Note: {len(notes) - TOLD} more notes are in --report and --json."] if len(notes) > TOLD else []
+    return [f"Note: {note}" for note in notes[:TOLD]] + more
 
 
 def _displaced(
-    file: Any, records: dict[int, dict[str, Any]]
+    file: Any, records: dict[int, dict[str, Any]], unit: float
 ) -> tuple[dict[int, Vector], list[str], bool]:
     """STEP id -> displacement (file units) of what is to be moved; notes; whether anything was verified."""
     decided = read_decisions(file)
@@ -180,11 +189,15 @@ def _displaced(
             continue
         applied = _vector(records.get(product.id(), {}), "Applied")
         if applied is not None and np.allclose(applied, shift, rtol=SAME_SHIFT, atol=0.0):
-            notes.append(f"{product.GlobalId} was moved by this displacement before; verify the model again.")
+            notes.append(f"{_called(product)} was moved by this displacement before; verify the model again.")
+            continue
+        distance = float(np.linalg.norm(shift)) * unit
+        if distance > MOST_SHIFT_M:
+            notes.append(f"{_called(product)} is said to stand {distance:.4g} m from its plan, and was not moved.")
             continue
         placement = product.ObjectPlacement
         if placement is not None and not placement.is_a("IfcLocalPlacement"):
-            notes.append(f"{product.GlobalId} is placed by {placement.is_a()} and was not moved.")
+            notes.append(f"{_called(product)} is placed by {placement.is_a()} and was not moved.")
             continue
         found[product.id()] = shift
     return found, notes, verified
@@ -215,7 +228,7 @@ def _carry_wholes(
             shifts[row], follows[row] = shift, parts[0].GlobalId
             _carry(whole, shift, own, shifts, follows)
         elif getattr(whole, "HasOpenings", None):
-            notes.append(f"Parts of {whole.GlobalId} moved differently; its openings and what fills them kept their place.")
+            notes.append(f"Parts of {_called(whole)} moved differently; its openings and what fills them kept their place.")
     return notes
 
 
@@ -267,6 +280,11 @@ def _entry(
     for name in ("ScanSource", "ScanDate", "Method"):
         values[name] = ("IfcLabel", source.get(name))
     return ElementProperties(product.GlobalId, row, values)
+
+
+def _called(product: Any) -> str:
+    """Its name, if it has one, and its GlobalId."""
+    return f"{product.Name} ({product.GlobalId})" if product.Name else str(product.GlobalId)
 
 
 def _verification_of(product: Any) -> dict[str, Any]:

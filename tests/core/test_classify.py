@@ -17,6 +17,7 @@ from bim_verify.core.classification.assign import Assigner, Window
 from bim_verify.core.classification.codes import CODES, OTHER, las_code
 from bim_verify.core.classification.results import Classification
 from bim_verify.core.classification.write import write_classified
+from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.jobs import classify
 from bim_verify.core.model.elements import BuildingModel
 from bim_verify.core.model.load import load_model
@@ -180,6 +181,35 @@ def test_las_has_codes_elements_and_stations(found: Classification, tmp_path: Pa
     assert reach.max() < 8.0
 
 
+def test_a_stray_return_is_too_far_for_las_and_leaves_no_file(found: Classification, tmp_path: Path) -> None:
+    stray = np.array([[1e9, 0.0, 0.0]])
+    source = ArraySource(found.stations, (stray, *(np.zeros((0, 3)) for _ in found.stations[1:])))
+    counts = np.zeros_like(found.counts)
+    counts[-1, 0] = 1
+    alone = replace(
+        found, source=source, element=np.array([-1], np.int32), deviation=np.array([np.nan], np.float32), counts=counts
+    )
+    with pytest.raises(BimVerifyError, match=r"1 returns lie farther than 215 km.*E57"):
+        write_classified(tmp_path / "far.las", alone, 3.0)
+    assert not list(tmp_path.iterdir())
+
+
+def test_points_that_are_no_returns_and_files_given_twice_are_told(
+    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, data = tmp_path / "scan.xyz", tmp_path / "c.json"
+    returns = read_all(open_scans([files[1]])).xyz
+    station = open_scans([files[1]]).stations[0].position
+    rows = [*returns[:500].tolist(), station.tolist()]
+    text.write_text("\n".join(" ".join(f"{v:.4f}" for v in row) for row in rows), encoding="ascii")
+    origin = ",".join(f"{v:.4f}" for v in station)
+    assert main(["classify", str(files[0]), str(text), str(text), "--origin", origin, "--out", str(tmp_path / "c.las"),
+                 "--json", str(data), "--no-cache"]) == 0
+    said = capsys.readouterr().out
+    assert "2 points of the scans are no returns" in said and "2 at the scanner itself" in said and "more than once" in said
+    assert json.loads(data.read_text())["dropped"] == {"invalid": 0, "zero": 2, "not_finite": 0}
+
+
 def test_codes_know_the_classes_of_buildings() -> None:
     assert las_code("IfcWallStandardCase") == 64
     assert las_code("IfcBuildingElementProxy") == 79
@@ -230,7 +260,5 @@ def test_the_command(files: tuple[Path, Path], tmp_path: Path, capsys: pytest.Ca
 def test_scans_elsewhere_are_refused(found: Classification) -> None:
     away = tuple(replace(s, position=s.position + 100.0) for s in found.stations)
     source = ArraySource(away, tuple(np.array([[1.0, 0.0, 0.0]]) for _ in away))
-    from bim_verify.core.errors import BimVerifyError
-
     with pytest.raises(BimVerifyError, match="register"):
         classify(found.model, source)

@@ -30,7 +30,7 @@ from bim_verify.core.options import VerifyOptions
 from bim_verify.core.simulation.campaign import Campaign, scan_to_files, set_up
 from bim_verify.core.simulation.scanner import PRESETS
 from bim_verify.core.simulation.scene import Edit
-from bim_verify.core.update.update import FOLLOWS, KEPT, OWN, PSET_NAME, undo_file, update_file
+from bim_verify.core.update.update import FOLLOWS, KEPT, OWN, PSET_NAME, undo_file, update_file, update_lines
 
 from .model_files import SCHEMAS, UNITS_M, ModelFile, at
 from .templates import check_templates
@@ -217,6 +217,20 @@ def test_what_was_found_at_the_other_place_does_not_stay_on_what_is_put_back() -
     (note,) = undo_file(made.file).notes
     assert "removed" in note
     assert all(VERIFICATION not in ifcopenshell.util.element.get_psets(p) for p in (column, door))
+
+
+def test_a_displacement_that_no_verification_finds_is_not_believed_and_all_notes_are_counted() -> None:
+    made, things = room()
+    names = [name for name in things if things[name].is_a("IfcWall") or name in ("floor", "column")]
+    for name in names:
+        found_displaced(made.file, things[name], np.array([1e30, 0.0, 0.0]))
+    before = {name: world(things[name]) for name in names}
+    result = update_file(made.file)
+    assert not result.updates and len(result.notes) == len(names) == 6
+    assert f"column ({things['column'].GlobalId}) is said to stand 1e+30 m" in " ".join(result.notes)
+    assert all((world(things[name]) == before[name]).all() for name in names)
+    lines = update_lines(result)
+    assert len(lines) == 7 and "1 more notes" in lines[-1]
 
 
 def test_nothing_to_do_is_said() -> None:

@@ -1,0 +1,44 @@
+"""Slabs of a storey: over the ceilings below as well, over every part; and no building from a floor alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapely import Polygon, box
+
+from bim_verify.cli import main
+from bim_verify.core.planes.fit import fit_plane
+from bim_verify.core.planes.noise import PointNoise
+from bim_verify.core.reconstruction.building import BuiltRoom, FittedFace
+from bim_verify.core.reconstruction.reconstruct import _footprints
+from bim_verify.core.reconstruction.rooms import Room
+from bim_verify.core.reconstruction.storey import StoreyParts
+
+CORNERS = np.array([[0.0, 0.0, 2.5], [1.0, 0.0, 2.5], [1.0, 1.0, 2.5], [0.0, 1.0, 2.5], [0.4, 0.3, 2.5]])
+CEILING = FittedFace(fit_plane(CORNERS, np.array([0.5, 0.5, 1.0]), PointNoise()))
+
+
+def storey(*outlines: Polygon, ceiling: FittedFace | None) -> StoreyParts:
+    rooms = [Room(o, (), (), 0.0, 2.5) for o in outlines]
+    return StoreyParts(rooms, [BuiltRoom(o, 0.0, 2.5, None, ceiling) for o in outlines], [], [])
+
+
+@pytest.mark.parametrize(("ceiling", "area"), [(CEILING, 60.0), (None, 20.0)])
+def test_a_slab_covers_the_rooms_below_whose_ceiling_was_seen(ceiling: FittedFace | None, area: float) -> None:
+    (foot,) = _footprints(storey(box(0, 0, 5, 4), ceiling=None), storey(box(0, 0, 10, 6), ceiling=ceiling))
+    assert foot.area == pytest.approx(area)
+
+
+def test_every_part_of_a_storey_has_a_slab() -> None:
+    assert len(_footprints(storey(box(0, 0, 5, 4), box(20, 0, 25, 4), ceiling=None))) == 2
+    assert not _footprints(storey(ceiling=None), storey(box(0, 0, 5, 4), ceiling=CEILING))
+
+
+def test_a_floor_alone_is_no_building(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    x, y = (v.ravel() for v in np.meshgrid(np.arange(0.0, 4.0, 0.02), np.arange(0.0, 3.0, 0.02)))
+    np.savetxt(tmp_path / "floor.xyz", np.column_stack([x, y, np.zeros(len(x))]), fmt="%.3f")
+    scan, out = str(tmp_path / "floor.xyz"), str(tmp_path / "o.ifc")
+    assert main(["reconstruct", scan, "--origin", "2,1.5,1.5", "--out", out, "--quiet"]) == 1
+    assert capsys.readouterr().err.count("\n") == 1 and not (tmp_path / "o.ifc").exists()
