@@ -94,7 +94,7 @@ def test_the_model_is_compared_with_another_file(
     assert ops.compare(filepath=str(house)) == {"FINISHED"}
     kinds = {i.name: i.get(compare.KIND_KEY) for i in scene.element_objects(blender).values()}
     assert set(kinds.values()) == {"MATCHED"}
-    assert "Quality against the reference: 0.000" in blender.bim_verify_compare.summary
+    assert "Thomson and Boehm's number: 0.000" in blender.bim_verify_compare.summary
     write_reconstruction(tmp_path / "one_wall.ifc", made)
     blender.bim_verify_compare.with_report = True
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
