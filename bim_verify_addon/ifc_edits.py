@@ -17,7 +17,7 @@ def put(context: bpy.types.Context, name: str, edit: Edit, *, adds: bool = False
     kept = context.scene.bim_verify.edits
     entry = next((e for e in kept if e.step == name), None) or kept.add()
     earlier = SESSION.edits.get(entry.key, ()) if adds else ()
-    entry.step, entry.key = name, SESSION.keep_edits((*earlier, edit))
+    entry.step, entry.key = name, SESSION.edits.keep((*earlier, edit))
 
 
 def kept(scene: bpy.types.Scene) -> list[Edit]:

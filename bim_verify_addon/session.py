@@ -9,6 +9,7 @@ import threading
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
@@ -41,12 +42,20 @@ class RunningJob:
     seconds_left: float | None = None
 
 
-def _keep(store: dict[str, T], result: T, most: int) -> str:
-    key = uuid.uuid4().hex
-    store[key] = result
-    while len(store) > most:
-        del store[next(iter(store))]
-    return key
+class Store(dict[str, T]):
+    """Results by the key that a scene holds, so that undo in Blender brings an earlier one back; only the latest are kept."""
+
+    def __init__(self, most: int) -> None:
+        super().__init__()
+        self._most = most
+
+    def keep(self, result: T) -> str:
+        """Remember a result and return its key."""
+        key = uuid.uuid4().hex
+        self[key] = result
+        while len(self) > self._most:
+            del self[next(iter(self))]
+        return key
 
 
 @dataclass
@@ -55,64 +64,31 @@ class Session:
 
     models: dict[str, BuildingModel] = field(default_factory=dict)
     """Scene name -> model."""
-    results: dict[str, VerificationResult] = field(default_factory=dict)
-    """``scene.bim_verify.result_key`` -> result, so that undo in Blender brings the earlier one back."""
-    comparisons: dict[str, ChangeResult] = field(default_factory=dict)
-    """``scene.bim_verify_change.result_key`` -> comparison."""
-    walls: dict[str, DisplacementResult] = field(default_factory=dict)
-    """``scene[wall_scene.RESULT_KEY]`` -> how a wall moved."""
-    edits: dict[str, tuple[Edit, ...]] = field(default_factory=dict)
-    """``scene.bim_verify.edits[...].key`` -> what an operator has to write into the model."""
-    surveys: dict[str, QualityResult] = field(default_factory=dict)
-    """``scene[survey_scene.SURVEY_KEY]`` -> scan quality."""
-    plans: dict[str, PlanResult] = field(default_factory=dict)
-    """``scene[survey_scene.PLAN_KEY]`` -> where to stand."""
-    photos: dict[str, CoregistrationResult] = field(default_factory=dict)
-    """``scene[photo_scene.RESULT_KEY]`` -> photos placed on the model."""
     alignments: dict[str, AlignmentRecord] = field(default_factory=dict)
+    """Scene name -> how its scans were aligned."""
+    results: Store[VerificationResult] = field(default_factory=partial(Store, RESULTS_KEPT))
+    """By ``scene.bim_verify.result_key``."""
+    comparisons: Store[ChangeResult] = field(default_factory=partial(Store, COMPARISONS_KEPT))
+    """By ``scene.bim_verify_change.result_key``."""
+    walls: Store[DisplacementResult] = field(default_factory=partial(Store, RESULTS_KEPT))
+    """How a wall moved, by ``scene[wall_scene.RESULT_KEY]``."""
+    edits: Store[tuple[Edit, ...]] = field(default_factory=partial(Store, EDITS_KEPT))
+    """What an operator has to write into the model, by ``scene.bim_verify.edits[...].key``."""
+    surveys: Store[QualityResult] = field(default_factory=partial(Store, COMPARISONS_KEPT))
+    """Scan quality, by ``scene[survey_scene.SURVEY_KEY]``."""
+    plans: Store[PlanResult] = field(default_factory=partial(Store, RESULTS_KEPT))
+    """Where to stand, by ``scene[survey_scene.PLAN_KEY]``."""
+    photos: Store[CoregistrationResult] = field(default_factory=partial(Store, RESULTS_KEPT))
+    """Photos placed on the model, by ``scene[photo_scene.RESULT_KEY]``."""
     job: RunningJob | None = None
     ending: threading.Thread | None = None
     """A cancelled job that has not come to its next step yet."""
 
-    def keep(self, result: VerificationResult) -> str:
-        """Remember a result and return its key; only the latest few are kept."""
-        return _keep(self.results, result, RESULTS_KEPT)
-
-    def keep_comparison(self, result: ChangeResult) -> str:
-        """The same for a comparison."""
-        return _keep(self.comparisons, result, COMPARISONS_KEPT)
-
-    def keep_wall(self, result: DisplacementResult) -> str:
-        """The same for a wall's displacement."""
-        return _keep(self.walls, result, RESULTS_KEPT)
-
-    def keep_survey(self, result: QualityResult) -> str:
-        """The same for what the scans are worth."""
-        return _keep(self.surveys, result, COMPARISONS_KEPT)
-
-    def keep_plan(self, result: PlanResult) -> str:
-        """The same for a plan."""
-        return _keep(self.plans, result, RESULTS_KEPT)
-
-    def keep_photos(self, result: CoregistrationResult) -> str:
-        """The same for photos placed on the model."""
-        return _keep(self.photos, result, RESULTS_KEPT)
-
-    def keep_edits(self, edits: tuple[Edit, ...]) -> str:
-        """The same for what an operator has to write into the model."""
-        return _keep(self.edits, edits, EDITS_KEPT)
-
     def clear(self) -> None:
         """Forget everything (another file was opened, or the extension was disabled)."""
-        self.models.clear()
-        self.results.clear()
-        self.comparisons.clear()
-        self.walls.clear()
-        self.edits.clear()
-        self.surveys.clear()
-        self.plans.clear()
-        self.photos.clear()
-        self.alignments.clear()
+        for known in vars(self).values():
+            if isinstance(known, dict):
+                known.clear()
         self.job = None
 
 

@@ -18,6 +18,14 @@ LOA_ITEMS = [
 ]
 
 
+class IfcToWrite:
+    """The IFC file that an operator writes, as the file browser asks for it."""
+
+    filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file to write")
+    filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
+    check_existing: BoolProperty(default=True, options={"HIDDEN"})
+
+
 class ReportBeside:
     """A report in a folder beside the file that is written."""
 

@@ -69,7 +69,7 @@ class BIMVERIFY_OT_change(Job["ChangeResult"], bpy.types.Operator):
         SESSION.models[context.scene.name] = value.model
         project.adopt_frame(context.scene, value.model)
         change_scene.show_change(context.scene, value, self.only)
-        context.scene.bim_verify_change.result_key = SESSION.keep_comparison(value)
+        context.scene.bim_verify_change.result_key = SESSION.comparisons.keep(value)
         scene.show_planned(context, False)
         scene.show_colors_in_views()
         self.warn(value.warnings)

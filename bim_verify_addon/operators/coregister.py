@@ -67,7 +67,7 @@ class BIMVERIFY_OT_coregister(FileJob["CoregistrationResult"], bpy.types.Operato
 
         project.adopt_frame(context.scene, value.model)
         message = show_photos(context.scene, value)
-        context.scene[RESULT_KEY] = SESSION.keep_photos(value)
+        context.scene[RESULT_KEY] = SESSION.photos.keep(value)
         context.scene[CAMERAS_KEY] = bpy.path.abspath(self.filepath)
         context.view_layer.objects.active = context.scene.camera  # the panel says how well it is placed
         self.warn(value.warnings)

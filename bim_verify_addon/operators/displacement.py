@@ -63,7 +63,7 @@ class BIMVERIFY_OT_displacement(WallChoice, Job["DisplacementResult"], bpy.types
             element = self.element
             ifc_edits.put(context, self.bl_idname, lambda file: apply_displacement_pset(file, element, value))
         message = wall_scene.show_displacement(context.scene, value)
-        context.scene[wall_scene.RESULT_KEY] = SESSION.keep_wall(value)
+        context.scene[wall_scene.RESULT_KEY] = SESSION.walls.keep(value)
         scene.show_colors_in_views()
         self.warn(value.warnings)
         return message

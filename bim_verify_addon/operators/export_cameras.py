@@ -49,9 +49,8 @@ class BIMVERIFY_OT_export_cameras(ResultFolder, bpy.types.Operator):
         from ...core.imagery.report import write_coregistration_report
         from ...core.report.json_out import write_document
 
-        parts: list[Part] = [(CAMERAS, lambda path, _: write_document(path, refined_cameras(found)))]
-        if self.numbers:
-            parts.append((NUMBERS, lambda path, _: write_document(path, findings(found))))
-        if self.page:
-            parts.append((REPORT, lambda path, _: write_coregistration_report(path, found)))
-        return parts
+        return [
+            Part(CAMERAS, lambda path, _: write_document(path, refined_cameras(found))),
+            Part(NUMBERS, lambda path, _: write_document(path, findings(found)), self.numbers),
+            Part(REPORT, lambda path, _: write_coregistration_report(path, found), self.page),
+        ]

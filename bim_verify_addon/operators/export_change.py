@@ -52,15 +52,10 @@ class BIMVERIFY_OT_export_change(ResultFolder, bpy.types.Operator):
         from ...core.report.json_out import write_document
         from ...core.report.remaining import write_remaining
 
-        parts: list[Part] = []
-        if self.model:
-            parts.append(model_part(MODEL, lambda p, on: write_changed_ifc(found.model.path, found, p, progress=on)))
-        if self.voxels:
-            parts.append((VOXELS, lambda path, _: write_voxels(path, found)))
-        if self.remaining:
-            parts.append((REMAINING, lambda path, _: write_remaining(path, found)))
-        if self.numbers:
-            parts.append((JSON, lambda path, _: write_document(path, change_to_json(found))))
-        if self.page:
-            parts.append((REPORT, lambda path, on: write_change_report(path, found, progress=on)))
-        return parts
+        return [
+            model_part(MODEL, lambda p, on: write_changed_ifc(found.model.path, found, p, progress=on), self.model),
+            Part(VOXELS, lambda path, _: write_voxels(path, found), self.voxels),
+            Part(REMAINING, lambda path, _: write_remaining(path, found), self.remaining),
+            Part(JSON, lambda path, _: write_document(path, change_to_json(found)), self.numbers),
+            Part(REPORT, lambda path, on: write_change_report(path, found, progress=on), self.page),
+        ]

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
 
 from ...core.files import whole_file
 from ...core.progress import Progress
 from .. import bonsai, ifc_edits, project, verdicts
+from ..shared_settings import IfcToWrite
 from .file_browser import has_result, idle
 from .result_file import ResultFile, Write
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ...core.results import VerificationResult
 
 
-class BIMVERIFY_OT_export_ifc(ResultFile, bpy.types.Operator):
+class BIMVERIFY_OT_export_ifc(IfcToWrite, ResultFile, bpy.types.Operator):
     """Write a copy of the IFC file with all that was found as property sets; the imported file is never changed.
 
     When Bonsai holds the project the property sets are in its file already: saving there keeps them too.
@@ -34,10 +34,6 @@ class BIMVERIFY_OT_export_ifc(ResultFile, bpy.types.Operator):
     bl_options = {"REGISTER"}
     title = "Export IFC"
     ending, suffixes = "_verified.ifc", (".ifc",)
-
-    filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file to write")
-    filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
-    check_existing: BoolProperty(default=True, options={"HIDDEN"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

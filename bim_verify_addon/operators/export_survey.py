@@ -52,18 +52,13 @@ class BIMVERIFY_OT_export_quality(ResultFolder, bpy.types.Operator):
         from ...core.quality.write_ifc import write_quality_ifc
         from ...core.report.json_out import write_document
 
-        parts: list[Part] = []
-        if self.model:
-            parts.append(model_part(SURVEYED, lambda p, on: write_quality_ifc(found.model.path, found, p, progress=on)))
-        if self.patches:
-            parts.append((PATCHES, lambda path, _: write_patches(path, found)))
-        if self.samples:
-            parts.append((SAMPLES, lambda path, _: write_quality_samples(path, found)))
-        if self.numbers:
-            parts.append((QUALITY, lambda path, _: write_document(path, quality_to_json(found))))
-        if self.page:
-            parts.append((REPORT, lambda path, _: write_quality_report(path, found)))
-        return parts
+        return [
+            model_part(SURVEYED, lambda p, on: write_quality_ifc(found.model.path, found, p, progress=on), self.model),
+            Part(PATCHES, lambda path, _: write_patches(path, found), self.patches),
+            Part(SAMPLES, lambda path, _: write_quality_samples(path, found), self.samples),
+            Part(QUALITY, lambda path, _: write_document(path, quality_to_json(found)), self.numbers),
+            Part(REPORT, lambda path, _: write_quality_report(path, found), self.page),
+        ]
 
 
 class BIMVERIFY_OT_export_plan(ResultFolder, bpy.types.Operator):
@@ -94,11 +89,9 @@ class BIMVERIFY_OT_export_plan(ResultFolder, bpy.types.Operator):
         from ...core.planning.outputs import write_plan_csv, write_plan_ifc, write_plan_json
         from ...core.planning.report import write_plan_report
 
-        parts: list[Part] = [
-            (STATIONS, lambda path, _: write_plan_json(path, found)), (TABLE, lambda path, _: write_plan_csv(path, found)),
+        return [
+            Part(STATIONS, lambda path, _: write_plan_json(path, found)),
+            Part(TABLE, lambda path, _: write_plan_csv(path, found)),
+            Part(PLANNED, lambda path, _: write_plan_ifc(found.model.path, found, path), self.model),
+            Part(REPORT, lambda path, _: write_plan_report(path, found), self.page),
         ]
-        if self.model:
-            parts.append((PLANNED, lambda path, _: write_plan_ifc(found.model.path, found, path)))
-        if self.page:
-            parts.append((REPORT, lambda path, _: write_plan_report(path, found)))
-        return parts

@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, StringProperty
+from bpy.props import CollectionProperty, StringProperty
 
 from ...core.errors import BimVerifyError
 from ...core.files import all_or_none
 from ...core.progress import Progress
 from .. import inputs, project, scene
 from ..jobs import Work
-from ..shared_settings import FacadeInputs, ReportBeside
+from ..shared_settings import FacadeInputs, IfcToWrite, ReportBeside
 from .file_browser import FileJob, chosen, idle, named
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ class BIMVERIFY_OT_facade(FacadeInputs, FileJob[Read], bpy.types.Operator):
         return summary(value.made)
 
 
-class BIMVERIFY_OT_write_facade(ReportBeside, FileJob[Written], bpy.types.Operator):
+class BIMVERIFY_OT_write_facade(IfcToWrite, ReportBeside, FileJob[Written], bpy.types.Operator):
     """Write the mock-up that the rectangles make now."""
 
     bl_idname = "bim_verify.write_facade"
@@ -98,10 +98,6 @@ class BIMVERIFY_OT_write_facade(ReportBeside, FileJob[Written], bpy.types.Operat
     bl_options = {"REGISTER"}
     title = "Mock-up"
     panel_settings = ("bim_verify_facade", "with_report")
-
-    filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file to write")
-    filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
-    check_existing: BoolProperty(default=True, options={"HIDDEN"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -70,7 +70,7 @@ class BIMVERIFY_OT_plan(Job["PlanResult"], bpy.types.Operator):
     def finish(self, context: bpy.types.Context, value: PlanResult) -> str:
         project.adopt_frame(context.scene, value.model)
         message = show_plan(context.scene, value)
-        context.scene[PLAN_KEY] = SESSION.keep_plan(value)
+        context.scene[PLAN_KEY] = SESSION.plans.keep(value)
         scene.show_colors_in_views()
         self.warn(value.warnings)
         return message

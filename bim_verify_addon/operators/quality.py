@@ -79,7 +79,7 @@ class BIMVERIFY_OT_quality(Job["tuple[QualityResult, SurveyDisplay]"], bpy.types
         ifc_edits.put(context, self.bl_idname, put_entries, adds=only is not None)
         project.adopt_frame(context.scene, result.model)
         message = show_quality(context.scene, result, display, only)
-        context.scene[SURVEY_KEY] = SESSION.keep_survey(result)
+        context.scene[SURVEY_KEY] = SESSION.surveys.keep(result)
         scene.show_colors_in_views()
         self.warn(result.warnings)
         return message

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import BoolProperty
 from numpy.typing import NDArray
 
 from ...core.errors import BimVerifyError
@@ -17,7 +17,7 @@ from ...core.options import ReconstructOptions
 from ...core.progress import Progress
 from .. import bonsai, inputs, project
 from ..jobs import Work
-from ..shared_settings import ReconstructOutputs
+from ..shared_settings import IfcToWrite, ReconstructOutputs
 from .file_browser import FileJob, has_scans, idle, named
 from .import_ifc import adopt_model
 
@@ -37,7 +37,7 @@ class Made:
     """(4, 4) of the scans in the frame of that model."""
 
 
-class BIMVERIFY_OT_reconstruct(ReconstructOutputs, FileJob[Made], bpy.types.Operator):
+class BIMVERIFY_OT_reconstruct(IfcToWrite, ReconstructOutputs, FileJob[Made], bpy.types.Operator):
     """Make an IFC model of what was scanned from inside: storeys, rooms, walls, openings, columns, slabs."""
 
     bl_idname = "bim_verify.reconstruct"
@@ -47,9 +47,6 @@ class BIMVERIFY_OT_reconstruct(ReconstructOutputs, FileJob[Made], bpy.types.Oper
     title = "Reconstruct"
     panel_settings = ("bim_verify_reconstruct", "with_report", *ReconstructOutputs.__annotations__)
 
-    filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file to write")
-    filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
-    check_existing: BoolProperty(default=True, options={"HIDDEN"})
     show: BoolProperty(
         name="Take as the model",
         default=True,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import bpy
 from bpy.props import BoolProperty, StringProperty
@@ -17,8 +17,13 @@ from .. import bonsai, inputs
 from ..jobs import Work
 from .file_browser import FileJob, idle
 
-Part = tuple[str, Callable[[Path, Progress], object]]
-"""The name of a file or folder in the folder, and what writes it."""
+
+class Part(NamedTuple):
+    """A file or folder of the folder."""
+
+    name: str
+    write: Callable[[Path, Progress], object]
+    wanted: bool = True
 
 
 class ResultFolder(FileJob[str]):
@@ -43,7 +48,7 @@ class ResultFolder(FileJob[str]):
         raise NotImplementedError
 
     def parts(self, found: Any) -> Sequence[Part]:
-        """What to write of it; called on the main thread."""
+        """All that can be written of it; called on the main thread."""
         raise NotImplementedError
 
     def sources(self, scene: bpy.types.Scene, found: Any) -> list[str]:
@@ -72,15 +77,15 @@ class ResultFolder(FileJob[str]):
             raise BimVerifyError(f"{self.first} first: there is nothing to write.")
         if folder.is_file():
             raise BimVerifyError(f"{folder} is a file. Give a folder.")
-        parts = self.parts(found)
-        inputs.refuse(context.scene, *(folder / name for name, _ in parts), beside=self.sources(context.scene, found))
+        parts = [part for part in self.parts(found) if part.wanted]
+        inputs.refuse(context.scene, *(folder / part.name for part in parts), beside=self.sources(context.scene, found))
 
         def work(progress: Progress) -> str:
             with all_or_none():
                 make_folder(folder)
-                for number, (name, write) in enumerate(parts):
-                    progress.update(number / len(parts), f"Writing {name}")
-                    write(folder / name, progress.part(number / len(parts), (number + 1) / len(parts)))
+                for number, part in enumerate(parts):
+                    progress.update(number / len(parts), f"Writing {part.name}")
+                    part.write(folder / part.name, progress.part(number / len(parts), (number + 1) / len(parts)))
                 progress.check()
             return str(folder)
 
@@ -90,9 +95,9 @@ class ResultFolder(FileJob[str]):
         return f"Written: {value}"
 
 
-def model_part(name: str, write: Callable[[Path, Progress], object]) -> Part:
+def model_part(name: str, write: Callable[[Path, Progress], object], wanted: bool) -> Part:
     """The model with property sets: a copy of Bonsai's file in memory, which has them already, or what ``write`` makes."""
-    live = bonsai.live_copy()
+    live = bonsai.live_copy() if wanted else None
 
     def copy(path: Path, progress: Progress) -> None:
         if live is None:
@@ -101,4 +106,4 @@ def model_part(name: str, write: Callable[[Path, Progress], object]) -> Part:
         with live[0], whole_file(path) as temporary:
             shutil.copyfile(live[1], temporary)
 
-    return name, copy
+    return Part(name, copy, wanted)

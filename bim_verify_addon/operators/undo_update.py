@@ -6,17 +6,17 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
 
 from ...core.errors import BimVerifyError
 from ...core.files import whole_file
 from ...core.progress import Progress
 from .. import bonsai, inputs, project
 from ..jobs import Work
+from ..shared_settings import IfcToWrite
 from .file_browser import FileJob, has_model, idle, named
 
 
-class BIMVERIFY_OT_undo_update(FileJob[str], bpy.types.Operator):
+class BIMVERIFY_OT_undo_update(IfcToWrite, FileJob[str], bpy.types.Operator):
     """Write a copy of the model in which everything that an earlier update moved stands where it was planned."""
 
     bl_idname = "bim_verify.undo_update"
@@ -24,10 +24,6 @@ class BIMVERIFY_OT_undo_update(FileJob[str], bpy.types.Operator):
     bl_description = "Write a copy of the model in which everything that an update moved stands where it was before"
     bl_options = {"REGISTER"}
     title = "Undo as-built IFC"
-
-    filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file to write")
-    filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
-    check_existing: BoolProperty(default=True, options={"HIDDEN"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
 
 from ...core.progress import Progress
 from .. import bonsai, verdicts
+from ..shared_settings import IfcToWrite
 from .result_file import ResultFile, Write
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ...core.results import VerificationResult
 
 
-class BIMVERIFY_OT_update_model(ResultFile, bpy.types.Operator):
+class BIMVERIFY_OT_update_model(IfcToWrite, ResultFile, bpy.types.Operator):
     """Write a copy of the IFC file in which displaced elements stand where they were found; nothing else is changed.
 
     Decisions count before verdicts. Openings, fillings and parts follow. The copy can be put back (bim-verify update --undo).
@@ -31,10 +31,6 @@ class BIMVERIFY_OT_update_model(ResultFile, bpy.types.Operator):
     bl_options = {"REGISTER"}
     title = "Export as-built IFC"
     ending, suffixes = "_updated.ifc", (".ifc",)
-
-    filepath: StringProperty(name="File", subtype="FILE_PATH", description="The IFC file to write")
-    filter_glob: StringProperty(default="*.ifc", options={"HIDDEN"})
-    check_existing: BoolProperty(default=True, options={"HIDDEN"})
 
     def finish(self, context: bpy.types.Context, value: str) -> str:
         context.scene.bim_verify_update.summary = f"Written: {value}"

@@ -94,7 +94,7 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
 
         bonsai.change_file(context, self.bl_idname, lambda file: write_verdicts(file, result))
         settings = context.scene.bim_verify
-        settings.result_key = SESSION.keep(result)
+        settings.result_key = SESSION.results.keep(result)
         settings.exported_path = ""
         SESSION.models[context.scene.name] = result.model
         project.adopt_frame(context.scene, result.model)

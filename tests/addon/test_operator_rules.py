@@ -65,11 +65,11 @@ def test_it_says_why_it_cannot_run(blender: bpy.types.Scene, cls: type) -> None:
 def test_one_job_at_a_time(verified: bpy.types.Scene, cls: type) -> None:
     verified.bim_verify_displacement.base = verified.bim_verify_displacement.later = "x.e57"
     verified["bim_verify_facades"] = "{}"
-    verified.bim_verify_change.result_key = SESSION.keep_comparison(object())  # type: ignore[arg-type]
-    verified[wall_scene.RESULT_KEY] = SESSION.keep_wall(None)  # type: ignore[arg-type]
-    verified[survey_scene.SURVEY_KEY] = SESSION.keep_survey(object())  # type: ignore[arg-type]
-    verified[survey_scene.PLAN_KEY] = SESSION.keep_plan(object())  # type: ignore[arg-type]
-    verified[photo_scene.RESULT_KEY] = SESSION.keep_photos(object())  # type: ignore[arg-type]
+    verified.bim_verify_change.result_key = SESSION.comparisons.keep(object())  # type: ignore[arg-type]
+    verified[wall_scene.RESULT_KEY] = SESSION.walls.keep(None)  # type: ignore[arg-type]
+    verified[survey_scene.SURVEY_KEY] = SESSION.surveys.keep(object())  # type: ignore[arg-type]
+    verified[survey_scene.PLAN_KEY] = SESSION.plans.keep(object())  # type: ignore[arg-type]
+    verified[photo_scene.RESULT_KEY] = SESSION.photos.keep(object())  # type: ignore[arg-type]
     assert asked(cls)[0]
     SESSION.job = RunningJob("Some work")
     try:
