@@ -109,7 +109,7 @@ class Job(Generic[T]):
             work = self.prepare(context)
         except Exception as error:
             return self._failed(error)
-        self._worker, self._scene = Worker(self.title, work), context.scene
+        self._worker, self._scene = Worker(self.title, work), context.scene.session_uid
         SESSION.job = self._worker.job
         self._timer = context.window_manager.event_timer_add(TICK_S, window=context.window)
         context.window_manager.modal_handler_add(self)
@@ -131,13 +131,12 @@ class Job(Generic[T]):
         outcome = self._worker.outcome
         if isinstance(outcome, BaseException):
             return self._failed(outcome)
-        try:
-            layer = self._scene.view_layers[0]
-        except ReferenceError:
-            return self._failed(BimVerifyError(f"{self.title}: its scene was deleted meanwhile, so its result was dropped."))
-        if context.scene == self._scene:
+        if context.scene.session_uid == self._scene:
             return self._finished(context, outcome)
-        with context.temp_override(scene=self._scene, view_layer=layer):
+        scene = next((scene for scene in bpy.data.scenes if scene.session_uid == self._scene), None)
+        if scene is None:
+            return self._failed(BimVerifyError(f"{self.title}: its scene was deleted meanwhile, so its result was dropped."))
+        with context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
             return self._finished(bpy.context, outcome)
 
     def cancel(self, context: bpy.types.Context) -> None:

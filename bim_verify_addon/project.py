@@ -111,7 +111,7 @@ def model_loader(scene: bpy.types.Scene, path: str = "") -> Callable[[Progress],
 
         return load_live
     path = bpy.path.abspath(path) or model_path(scene.bim_verify)
-    loaded = SESSION.models.get(scene.name)
+    loaded = SESSION.models.get(scene.session_uid)
 
     def load(progress: Progress) -> BuildingModel:
         model = load_model(path, threads=threads, progress=progress)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..core.model.elements import BuildingModel
     from ..core.planning.results import PlanResult
     from ..core.quality.results import QualityResult
-    from ..core.results import AlignmentRecord, VerificationResult
+    from ..core.results import VerificationResult
     from ..core.wall_displacement.result import DisplacementResult
 
 T = TypeVar("T")
@@ -62,10 +62,8 @@ class Store(dict[str, T]):
 class Session:
     """One per Blender process."""
 
-    models: dict[str, BuildingModel] = field(default_factory=dict)
-    """Scene name -> model."""
-    alignments: dict[str, AlignmentRecord] = field(default_factory=dict)
-    """Scene name -> how its scans were aligned."""
+    models: dict[int, BuildingModel] = field(default_factory=dict)
+    """``scene.session_uid`` -> model, whatever the scene is called."""
     results: Store[VerificationResult] = field(default_factory=partial(Store, RESULTS_KEPT))
     """By ``scene.bim_verify.result_key``."""
     comparisons: Store[ChangeResult] = field(default_factory=partial(Store, COMPARISONS_KEPT))

@@ -14,7 +14,6 @@ from ...core.progress import Progress
 from .. import project, scene
 from ..jobs import Job, Work
 from ..properties import ALIGN_ITEMS
-from ..session import SESSION
 from .file_browser import has_model, has_scans, idle
 
 if TYPE_CHECKING:
@@ -53,7 +52,6 @@ class BIMVERIFY_OT_align(Job["tuple[AlignmentRecord, NDArray[np.float64]]"], bpy
     def finish(self, context: bpy.types.Context, value: tuple[AlignmentRecord, NDArray[np.float64]]) -> str:
         settings = context.scene.bim_verify
         record, placement = value
-        SESSION.alignments[context.scene.name] = record
         settings.align = self.mode
         scene.move_scans(context.scene, placement)
         fit = "" if record.rms is None else f", residual {1000 * record.rms:.1f} mm"

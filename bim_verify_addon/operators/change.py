@@ -66,7 +66,7 @@ class BIMVERIFY_OT_change(Job["ChangeResult"], bpy.types.Operator):
         entries = change_entries(value, self.only)
         put_entries = partial(put_property_sets, pset_name=PSET_NAME, entries=entries)
         ifc_edits.put(context, self.bl_idname, put_entries, adds=self.only is not None)
-        SESSION.models[context.scene.name] = value.model
+        SESSION.models[context.scene.session_uid] = value.model
         project.adopt_frame(context.scene, value.model)
         change_scene.show_change(context.scene, value, self.only)
         context.scene.bim_verify_change.result_key = SESSION.comparisons.keep(value)

@@ -63,8 +63,8 @@ class BIMVERIFY_OT_import_ifc(FileJob["tuple[BuildingModel, NDArray[np.float64]]
 
 def adopt_model(context: bpy.types.Context, model: BuildingModel, placement: NDArray[np.float64]) -> str:
     """Take ``model`` as the scene's and show it, with the scans where ``placement`` (4, 4) puts them; one sentence."""
-    settings, before = context.scene.bim_verify, SESSION.models.get(context.scene.name)
-    SESSION.models[context.scene.name] = model
+    settings, before = context.scene.bim_verify, SESSION.models.get(context.scene.session_uid)
+    SESSION.models[context.scene.session_uid] = model
     if before is None or before.content_hash != model.content_hash:
         settings.edits.clear()
     settings.model_path = model.path

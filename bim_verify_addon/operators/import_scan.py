@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
@@ -18,6 +19,9 @@ from ..point_display import points_shown
 from ..session import SESSION
 from ..sight import look_at_all
 from .file_browser import FileJob, chosen, idle
+
+if TYPE_CHECKING:
+    from ...core.model.elements import BuildingModel
 
 SCAN_FILES = "*.e57;*.las;*.laz;*.ply;*.pcd;*.pts;*.ptx;*.xyz;*.txt;*.asc;*.csv;*.npy;*.json;*.out"
 """What the file browser shows."""
@@ -40,7 +44,9 @@ class Clouds:
     """What was read, and where the whole campaign lies in the model frame."""
 
     clouds: list[Cloud]
+    model: BuildingModel | None
     placement: NDArray[np.float64]
+    warnings: list[str]
 
 
 class BIMVERIFY_OT_import_scan(FileJob[Clouds], bpy.types.Operator):
@@ -72,7 +78,8 @@ class BIMVERIFY_OT_import_scan(FileJob[Clouds], bpy.types.Operator):
             raise BimVerifyError("No scan file was given. Choose at least one.")
         settings = context.scene.bim_verify
         options, most = project.options(settings), points_shown(settings)
-        model = SESSION.models.get(context.scene.name)
+        known = SESSION.models.get(context.scene.session_uid)
+        load = project.model_loader(context.scene) if known is None and project.has_model(settings) else None
         campaign = list(dict.fromkeys([*project.scan_paths(settings), *paths]))
 
         def work(progress: Progress) -> Clouds:
@@ -83,19 +90,26 @@ class BIMVERIFY_OT_import_scan(FileJob[Clouds], bpy.types.Operator):
                 part = progress.part(number / len(paths), (number + 1) / len(paths))
                 xyz, station, color = thin(source, most, progress=part)
                 clouds.append(Cloud(path, source.point_count, len(source.stations), xyz, station, color))
-            return Clouds(clouds, project.placement(model, campaign, options))
+            model, warnings = known, list[str]()
+            if load is not None:
+                try:
+                    model = load(progress)
+                except BimVerifyError as error:
+                    warnings.append(f"The scans are shown where their files put them, without the model: {error}")
+            return Clouds(clouds, model, project.placement(model, campaign, options), warnings)
 
         return work
 
     def finish(self, context: bpy.types.Context, value: Clouds) -> str:
         settings = context.scene.bim_verify
-        model = SESSION.models.get(context.scene.name)
+        if value.model is not None:
+            SESSION.models[context.scene.session_uid] = value.model
         first = not scene.element_objects(context.scene) and not scene.scan_objects(context.scene)
         for cloud in value.clouds:
             entry = next((s for s in settings.scans if s.path == cloud.path), None) or settings.scans.add()
             entry.name, entry.path = Path(cloud.path).name, cloud.path
             entry.points, entry.stations = cloud.points, cloud.stations
-            project.adopt_frame(context.scene, model, cloud.xyz)
+            project.adopt_frame(context.scene, value.model, cloud.xyz)
             scene.show_scan(context.scene, cloud.path, entry.name, cloud.xyz, cloud.station, cloud.color)
         scene.move_scans(context.scene, value.placement)
         scene.show_colors_in_views()
@@ -104,6 +118,7 @@ class BIMVERIFY_OT_import_scan(FileJob[Clouds], bpy.types.Operator):
             look_at_all(context, scene.scan_objects(context.scene))
         settings.alignment_summary = ""
         settings.scan_index = len(settings.scans) - 1
+        self.warn(value.warnings)
         points = sum(cloud.points for cloud in value.clouds)
         return f"{points:,} points in {len(value.clouds)} scan file{'s' if len(value.clouds) > 1 else ''}."
 

@@ -20,7 +20,7 @@ from ..surface_grid import Display, make_display
 from .file_browser import has_model, has_scans, idle
 
 if TYPE_CHECKING:
-    from ...core.results import VerificationResult
+    from ...core.results import Decision, VerificationResult
 
 
 class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.float64]]"], bpy.types.Operator):
@@ -62,7 +62,7 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
 
     def prepare(self, context: bpy.types.Context) -> Work[tuple[VerificationResult, Display, NDArray[np.float64]]]:
         from ...core import jobs
-        from ...core.model.decisions import decisions_in, read_decisions
+        from ...core.model.decisions import decisions_in
 
         settings = context.scene.bim_verify
         options = replace(project.options(settings), loa=int(self.loa), sigma=self.sigma_mm / 1000, align=self.align)
@@ -70,17 +70,15 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
         self.earlier = earlier = project.result(context.scene)
         self.only = only
         load, paths = project.model_loader(context.scene), project.scan_paths(settings)
-        budget, known, back = settings.display_vertices, verdicts.decisions(context.scene), verdicts.taken_back(context.scene)
-        live, path = bonsai.live_file(), project.model_path(settings)
-        stored = read_decisions(live) if live is not None else {}
+        budget = settings.display_vertices
+        path = "" if bonsai.live_file() is not None else project.model_path(settings)
 
         def work(progress: Progress) -> tuple[VerificationResult, Display, NDArray[np.float64]]:
             model = load(progress.part(0.0, 0.1))
             narrow = only is not None and selection.comparable(model, options, earlier)
             asked = replace(options, only=tuple(sorted(only or ())) if narrow else ())
             result = jobs.verify(model, paths, asked, progress.part(0.1, 0.9))
-            written = stored if live is not None or not path else decisions_in(path)
-            result = replace(result, decisions={**{g: d for g, d in written.items() if g not in back}, **known})
+            result = replace(result, decisions=decisions_in(path) if path else {})
             placement = result.alignment.transform @ project.placement(model, paths, options)
             return result, make_display(result, budget, progress.part(0.9, 1.0)), placement
 
@@ -90,13 +88,14 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
         from ...core.model.write_psets import write_verdicts
 
         result, display, placement = value
+        result = replace(result, decisions=self.decided(context, result))
         result = selection.merged(result, self.earlier, self.only)
 
         bonsai.change_file(context, self.bl_idname, lambda file: write_verdicts(file, result))
         settings = context.scene.bim_verify
         settings.result_key = SESSION.results.keep(result)
         settings.exported_path = ""
-        SESSION.models[context.scene.name] = result.model
+        SESSION.models[context.scene.session_uid] = result.model
         project.adopt_frame(context.scene, result.model)
         scene.show_result(context.scene, result, display, self.only)
         verdicts.store_all(context.scene, result)
@@ -106,3 +105,12 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
         scene.show_colors_in_views()
         self.warn([*result.warnings, *filter(None, [display.note])])
         return settings.result_summary
+
+    def decided(self, context: bpy.types.Context, result: VerificationResult) -> dict[str, Decision]:
+        """The file's decisions and, before them, the scene's: also those made, or taken back, while the job ran."""
+        from ...core.model.decisions import read_decisions
+
+        live = bonsai.live_file()
+        written = result.decisions if live is None else read_decisions(live)
+        back = verdicts.taken_back(context.scene)
+        return {**{g: d for g, d in written.items() if g not in back}, **verdicts.decisions(context.scene)}

@@ -164,7 +164,7 @@ def look(
         if sector is not None:
             own = in_sector(relative, *sector)
             row, relative = row[own], relative[own]
-        evidence = gather(index, relative, queries.normal[row], sensor)
+        evidence = gather(index, relative, queries.normal[row], sensor, progress)
         parts.append(
             sight(
                 evidence, index, station, position, queries.number[row], queries.position[row], queries.normal[row],

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from ..progress import Progress
 from ..sensing.presets import LOGISTIC, ZONE_SIGMAS, MassParameters
 from .masses import FAR_FROM_STEP, level_conversion, log_one_minus, ray_masses
 from .station_index import StationIndex, azimuth_half_width, azimuth_range, column_runs, place, row_range
@@ -203,8 +204,13 @@ def _gather(
         count[i] = members
 
 
+AT_ONCE = 1 << 16
+"""Query positions between two looks at whether the job was cancelled."""
+
+
 def gather(
-    index: StationIndex, query: NDArray[np.float64], normal: NDArray[np.float64], sensor: SensorModel
+    index: StationIndex, query: NDArray[np.float64], normal: NDArray[np.float64], sensor: SensorModel,
+    progress: Progress | None = None,
 ) -> StationEvidence:
     """Evidence of a station on query positions given relative to it, (N, 3) [m], with outward unit normals (N, 3).
 
@@ -221,12 +227,16 @@ def gather(
         cosine=np.full(count, -1.0), distance=np.zeros(count),
     )
     query = np.ascontiguousarray(query, dtype=np.float64)
-    if len(index.returns):
+    normal = np.ascontiguousarray(normal, dtype=np.float64)
+    conversion = level_conversion(own_sigma, sensor.model_sigma)
+    order = order_by_direction(query) if len(index.returns) else np.zeros(0, np.int64)
+    for first in range(0, len(order), AT_ONCE):
+        if progress is not None:
+            progress.check()
         _gather(
-            query, np.ascontiguousarray(normal, dtype=np.float64), order_by_direction(query),
+            query, normal, order[first : first + AT_ONCE],
             index.returns, index.bin_start, index.row_start, index.spacing_rad,
-            sensor.sigma, sensor.model_sigma, fixed.c, fixed.lam, fixed.kappa,
-            own_sigma, level_conversion(own_sigma, sensor.model_sigma),
+            sensor.sigma, sensor.model_sigma, fixed.c, fixed.lam, fixed.kappa, own_sigma, conversion,
             out.log_occ, out.log_emp, out.log_unk, out.nearest, out.nearest_dy, out.deviation, out.count,
             out.cosine, out.distance,
         )

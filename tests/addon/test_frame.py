@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import bpy
 import ifcopenshell.util.geolocation
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from bim_verify.bim_verify_addon import frame, project, scene
+from bim_verify.bim_verify_addon.session import SESSION
 from bim_verify.core.model.elements import BuildingModel
 from bim_verify.core.results import VerificationResult
 
@@ -81,3 +83,26 @@ def test_aligned_scan_goes_where_the_transform_says(blender: bpy.types.Scene, re
     assert view is not None
     expected = view.to_view(points @ transform[:3, :3].T + transform[:3, 3])
     assert np.abs(shown - expected).max() < 1e-5
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_scans_added_later_lie_where_the_model_puts_them(
+    verified: bpy.types.Scene, scan: Path, monkeypatch: pytest.MonkeyPatch, known: bool
+) -> None:
+    """In a scene that was renamed, and in a file that was opened again."""
+    asked: list[BuildingModel | None] = []
+    monkeypatch.setattr(project, "placement", lambda model, *_: asked.append(model) or np.eye(4))
+    verified.name = "Another name"
+    if not known:
+        SESSION.clear()
+    assert bpy.ops.bim_verify.import_scan(filepath=str(scan)) == {"FINISHED"}
+    assert [model.content_hash for model in asked if model is not None] == [verified.bim_verify.verified_model]
+
+
+def test_without_its_model_a_scan_is_shown_where_its_file_puts_it(
+    verified: bpy.types.Scene, scan: Path, tmp_path: Path
+) -> None:
+    SESSION.clear()
+    verified.bim_verify.model_path = str(tmp_path / "gone.ifc")
+    assert bpy.ops.bim_verify.import_scan(filepath=str(scan)) == {"FINISHED"}
+    assert len(scene.scan_objects(verified)) == 1

@@ -47,7 +47,7 @@ def fake_context() -> SimpleNamespace:
         modal_handler_add=lambda operator: None,
     )
     return SimpleNamespace(
-        scene=SimpleNamespace(view_layers=["layer"]),
+        scene=SimpleNamespace(session_uid=1),
         mode="OBJECT",
         window="window",
         window_manager=manager,

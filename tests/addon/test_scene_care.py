@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import bpy
 import ifcopenshell
@@ -15,6 +16,7 @@ from bim_verify.bim_verify_addon import ifc_edits, scene
 from bim_verify.bim_verify_addon.operators.file_browser import named
 from bim_verify.bim_verify_addon.operators.verify import BIMVERIFY_OT_verify
 from bim_verify.bim_verify_addon.surface_grid import make_display
+from bim_verify.core import jobs
 from bim_verify.core.results import VerificationResult
 
 from ..core.factory import fabricate
@@ -70,7 +72,7 @@ def test_a_result_goes_into_the_scene_that_asked_for_it(verified: bpy.types.Scen
 
     class Verify(FakeOperator):
         bl_idname, earlier, only = BIMVERIFY_OT_verify.bl_idname, None, None
-        _finish = BIMVERIFY_OT_verify.finish
+        _finish, decided = BIMVERIFY_OT_verify.finish, BIMVERIFY_OT_verify.decided
 
         def finish(self, context: bpy.types.Context, value: int) -> str:
             shown.append(context.scene)
@@ -94,6 +96,41 @@ def test_a_result_whose_scene_is_gone_is_dropped_in_one_sentence(blender: bpy.ty
     context.scene = bpy.context.scene
     assert drive(operator, context) == {"CANCELLED"}
     assert "its scene was deleted" in operator.reports[0][1] and operator.finished == []
+
+
+def test_undo_while_a_job_runs_does_not_cost_its_result(verified: bpy.types.Scene) -> None:
+    bpy.ops.ed.undo_push(message="before")
+    next(iter(scene.element_objects(verified).values())).location.x = 9.0
+    bpy.ops.ed.undo_push(message="moved")
+    operator, context = FakeOperator(lambda progress: 1), fake_context()
+    context.scene = bpy.context.scene
+    operator.start(context)
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    context.scene = bpy.context.scene
+    assert drive(operator, context) == {"FINISHED"} and operator.finished == [1]
+
+
+def test_decisions_made_and_taken_back_while_a_verification_runs_hold(
+    verified: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept, back, *_ = scene.element_objects(verified).values()
+
+    def decide(item: bpy.types.Object, status: str) -> None:
+        bpy.ops.object.select_all(action="DESELECT")
+        item.select_set(True)
+        ops.decide(status=status, reason="seen", author="me")
+
+    decide(back, "ABSENT")
+    found = jobs.verify
+
+    def verify(*given: Any, **named: Any) -> VerificationResult:
+        decide(kept, "PARTIAL")
+        decide(back, "COMPUTED")
+        return found(*given, **named)
+
+    monkeypatch.setattr(jobs, "verify", verify)
+    assert ops.verify() == {"FINISHED"}
+    assert (kept.bim_verify.decided_status, back.bim_verify.decided_status) == ("PARTIAL", "")
 
 
 def put(name: str, value: str) -> Callable[[object], int]:
