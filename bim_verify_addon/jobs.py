@@ -15,6 +15,7 @@ import bpy
 
 from ..core.errors import BimVerifyError, Cancelled
 from ..core.progress import Progress
+from . import bonsai
 from .scene import leave_edit_mode
 from .session import SESSION, RunningJob
 
@@ -109,7 +110,7 @@ class Job(Generic[T]):
             work = self.prepare(context)
         except Exception as error:
             return self._failed(error)
-        self._worker, self._scene = Worker(self.title, work), context.scene.session_uid
+        self._worker, self._scene, self._project = Worker(self.title, work), context.scene.session_uid, bonsai.live_file()
         SESSION.job = self._worker.job
         self._timer = context.window_manager.event_timer_add(TICK_S, window=context.window)
         context.window_manager.modal_handler_add(self)
@@ -131,6 +132,8 @@ class Job(Generic[T]):
         outcome = self._worker.outcome
         if isinstance(outcome, BaseException):
             return self._failed(outcome)
+        if bonsai.live_file() is not self._project:
+            return self._failed(BimVerifyError(f"{self.title}: Bonsai's project is another one now; the result was dropped."))
         if context.scene.session_uid == self._scene:
             return self._finished(context, outcome)
         scene = next((scene for scene in bpy.data.scenes if scene.session_uid == self._scene), None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,12 +31,32 @@ def options(settings: bpy.types.PropertyGroup) -> VerifyOptions:
         align=settings.align,
         sample_spacing=settings.spacing_mm / 1000,
         fusion=settings.fusion,
+        preset=settings.preset,
+        registration_sigma=settings.registration_sigma_mm / 1000 if settings.registration_known else None,
         scan_frame=settings.scan_frame,
         origin=scanner_position(settings.origin),
         threads=settings.threads,
         memory_gb=settings.memory_gb,
         dense=tuple(bpy.path.abspath(scan.path) for scan in settings.scans if scan.use and scan.dense),
     )
+
+
+def take_options(settings: bpy.types.PropertyGroup, given: VerifyOptions) -> None:
+    """The settings of the scene as ``options`` has them to give these options again; dense points are scans."""
+    settings.loa, settings.sigma_mm, settings.align = str(given.loa), 1000 * given.sigma, given.align
+    settings.spacing_mm, settings.fusion, settings.preset = 1000 * given.sample_spacing, given.fusion, given.preset
+    settings.registration_known = given.registration_sigma is not None
+    if given.registration_sigma is not None:
+        settings.registration_sigma_mm = 1000 * given.registration_sigma
+    settings.scan_frame = given.scan_frame
+    settings.origin = "" if given.origin is None else ",".join(repr(float(value)) for value in given.origin)
+    settings.threads, settings.memory_gb = given.threads, given.memory_gb
+
+
+def in_words(model: BuildingModel) -> str:
+    """``96 elements in 2 storeys, IFC4``"""
+    storeys = len({element.storey for element in model.elements} - {""})
+    return f"{len(model.elements)} elements in {storeys} storey{'s' if storeys != 1 else ''}, {model.schema}"
 
 
 def scanner_position(text: str) -> tuple[float, float, float] | None:
@@ -53,6 +73,27 @@ def scanner_position(text: str) -> tuple[float, float, float] | None:
 def scan_paths(settings: bpy.types.PropertyGroup) -> list[str]:
     """The scan files in use, absolute; dense points of photos are none."""
     return [bpy.path.abspath(scan.path) for scan in settings.scans if scan.use and not scan.dense]
+
+
+def same_file(one: str, other: str) -> bool:
+    """Whether two paths, as Blender or a person writes them, name one file."""
+    return Path(bpy.path.abspath(one)).resolve() == Path(bpy.path.abspath(other)).resolve()
+
+
+def without_repeats(paths: Iterable[str]) -> list[str]:
+    """The first of all that name one file."""
+    return list({Path(path).resolve(): path for path in reversed(list(paths))}.values())[::-1]
+
+
+def points_and_stations(path: str, options: VerifyOptions) -> tuple[int, int]:
+    """What a scan file says it holds; zeros where it cannot be read."""
+    from ..core.scans.open import open_scans
+
+    try:
+        source = open_scans([path], origin=options.origin)
+    except BimVerifyError:
+        return 0, 0
+    return source.point_count, len(source.stations)
 
 
 def epochs(settings: bpy.types.PropertyGroup, grouping: str) -> list[list[str]]:

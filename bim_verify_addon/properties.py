@@ -18,6 +18,7 @@ from bpy.props import (
 
 from ..core.options import VerifyOptions
 from ..core.results import LEVELS
+from ..core.sensing.presets import PRESETS
 from .capabilities import CAPABILITIES, MODES
 from .shared_settings import LOA_ITEMS
 
@@ -38,6 +39,10 @@ FUSION_ITEMS = [
     ("dempster", "Dempster", "Dempster's rule over all returns"),
     ("yager", "Yager", "Conflict becomes unknown"),
     ("dubois-prade", "Dubois-Prade", "Conflict goes to the union of what is in conflict"),
+]
+PRESET_ITEMS = [
+    ("derived", "Derived", "From the point spacing and the scanner's sigma"),
+    *((name, name, "As published for such points, whatever the scanner") for name in sorted(PRESETS)),
 ]
 SCAN_FRAME_ITEMS = [
     ("auto", "Detect", "Whichever of the two makes scan and model overlap"),
@@ -164,6 +169,17 @@ class BimVerifySettings(bpy.types.PropertyGroup):
         description="Distance between the places on the planned surface at which the scans are asked, millimetres",
     )
     fusion: EnumProperty(name="Fusion", items=FUSION_ITEMS, default=DEFAULTS.fusion, description="How evidence is combined")
+    preset: EnumProperty(
+        name="Parameters", items=PRESET_ITEMS, default=DEFAULTS.preset, description="Parameters of the belief masses"
+    )
+    registration_known: BoolProperty(
+        name="Registration known", default=False,
+        description="Give the standard deviation of the stations' positions instead of estimating it from their agreement",
+    )
+    registration_sigma_mm: FloatProperty(
+        name="Registration sigma (mm)", default=1.0, min=0, soft_max=50, precision=2,
+        description="Standard deviation of a station's position, millimetres",
+    )
     scan_frame: EnumProperty(
         name="Scan frame",
         items=SCAN_FRAME_ITEMS,
@@ -240,6 +256,7 @@ class BimVerifySettings(bpy.types.PropertyGroup):
     edits: CollectionProperty(type=BimVerifyEdit)
     result_key: StringProperty(description="Names the result in memory; undo brings an earlier one back")
     verified_model: StringProperty(description="SHA-256 of the model that the verdicts are on")
+    edited_model: StringProperty(description="SHA-256 of the model that the edits are for")
     result_summary: StringProperty()
     result_note: StringProperty()
     alignment_summary: StringProperty()

@@ -47,9 +47,21 @@ PLAIN_FIELDS = (
 
 
 def element_objects(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
-    """GlobalId -> the object that we made for it (never one of Bonsai's); a second element with the same one: ``keys``."""
-    ours = (item for item in scene.objects if GUID_KEY in item and frame.ORIGIN_KEY in item)
-    return {item.get(SECOND_KEY) or item[GUID_KEY]: item for item in ours}
+    """GlobalId -> the object that we made for it (never one of Bonsai's); a second element with the same one: ``keys``.
+
+    Of copies that a person made the first object counts. What is linked from another file, or no mesh any more, is not ours.
+    """
+    ours = (item for item in scene.objects if GUID_KEY in item and frame.ORIGIN_KEY in item and _is_own(item))
+    return {key_of(item): item for item in sorted(ours, key=lambda item: -item.session_uid)}
+
+
+def key_of(item: bpy.types.Object) -> str | None:
+    """What ``element_objects`` calls the element of this object; None where it is none of ours."""
+    return item.get(SECOND_KEY) or item.get(GUID_KEY)
+
+
+def _is_own(item: bpy.types.Object) -> bool:
+    return item.type == "MESH" and item.library is None and item.override_library is None and item.data.library is None
 
 
 def keys(model: BuildingModel) -> list[str]:
@@ -64,11 +76,12 @@ def keys(model: BuildingModel) -> list[str]:
 
 def scan_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     """The display clouds of the scene."""
-    return [item for item in scene.objects if SCAN_KEY in item]
+    return [item for item in scene.objects if SCAN_KEY in item and _is_own(item)]
 
 
 def show_model(scene: bpy.types.Scene, model: BuildingModel) -> None:
     """One object an element, in a collection a storey; what an earlier import made is brought up to date or removed."""
+    collection(scene)
     place = frame.stored(scene) or frame.ViewFrame()
     existing = element_objects(scene)
     start, second = model.triangle_start, second_sides(model)
@@ -97,8 +110,9 @@ def show_result(
 
     ``only``: GlobalIds of the elements that are touched; None for all.
     """
+    collection(scene)
     place = frame.stored(scene) or frame.ViewFrame()
-    existing = element_objects(scene)
+    existing = element_objects(scene) if only is None else objects_of(scene, result.model)
     grid, values = display.grid, display.values
     rows = zip(keys(result.model), result.model.elements, result.verdicts, strict=True)
     for index, (key, element, verdict) in enumerate(rows):
@@ -128,6 +142,7 @@ def show_scan(
 
     ``xyz``: (N, 3) metres, frame of the file; ``move_scans`` says where that lies in the model frame.
     """
+    collection(scene)
     remove_scan(scene, path)
     middle = np.round(np.median(xyz, axis=0)) if len(xyz) else np.zeros(3)
     mesh = bpy.data.meshes.new(name)
@@ -186,18 +201,27 @@ def show_colors_in_views(kind: str = "VERTEX") -> None:
 
 
 def collection(scene: bpy.types.Scene, *path: str) -> bpy.types.Collection:
-    """The collection ``BIM Verify / path...``, made where it is missing."""
+    """The collection ``BIM Verify / path...``, made where it is missing.
+
+    One that another scene has as well (a linked copy) leaves this one, so that neither changes what the other shows.
+    """
     parent = scene.collection
+    for shared in [c for c in parent.children if PLACE_KEY in c and _in_other_scenes(c, scene)]:
+        parent.children.unlink(shared)
     for depth in range(len(path) + 1):
         name = path[depth - 1] if depth else ROOT
         key = "\n".join(path[:depth])
-        found = next((c for c in parent.children if c.get(PLACE_KEY) == key), None)
+        found = next((c for c in parent.children if c.get(PLACE_KEY) == key and c.library is None), None)
         if found is None:
             found = bpy.data.collections.new(name or "(no storey)")
             found[PLACE_KEY] = key
             parent.children.link(found)
         parent = found
     return parent
+
+
+def _in_other_scenes(item: bpy.types.Collection, scene: bpy.types.Scene) -> bool:
+    return any(item in other.collection.children_recursive for other in bpy.data.scenes if other != scene)
 
 
 def leave_edit_mode(context: bpy.types.Context) -> None:
@@ -208,7 +232,12 @@ def leave_edit_mode(context: bpy.types.Context) -> None:
 
 def set_attribute(mesh: bpy.types.Mesh, name: str, kind: str, values: NDArray[np.generic]) -> None:
     """Write a per-vertex attribute of type INT, FLOAT ((V,)) or FLOAT_COLOR ((V, 4) linear)."""
-    attribute = mesh.attributes.get(name) or mesh.attributes.new(name, kind, "POINT")
+    attribute = mesh.attributes.get(name)
+    if attribute is not None and (attribute.data_type, attribute.domain) != (kind, "POINT"):
+        mesh.attributes.remove(attribute)
+        attribute = None
+    if attribute is None:
+        attribute = mesh.attributes.new(name, kind, "POINT")
     field = "color" if kind == "FLOAT_COLOR" else "value"
     dtype = np.int32 if kind == "INT" else np.float32
     attribute.data.foreach_set(field, np.ascontiguousarray(values, dtype=dtype).ravel())

@@ -13,12 +13,18 @@ from ..core.model.elements import BuildingModel
 from ..core.options import VerifyOptions
 from ..core.results import SampleEvidence, VerificationResult
 from . import bonsai
-from .scene import GUID_KEY
+from .scene import GUID_KEY, key_of
 
 
 def global_ids(context: bpy.types.Context) -> set[str]:
     """GlobalIds of the selected elements: our objects or Bonsai's."""
     found = {item.get(GUID_KEY) or bonsai.global_id(item) for item in context.selected_objects}
+    return {identifier for identifier in found if isinstance(identifier, str)}
+
+
+def keys(context: bpy.types.Context) -> set[str]:
+    """What ``scene.element_objects`` calls the selected elements."""
+    found = {key_of(item) or bonsai.global_id(item) for item in context.selected_objects}
     return {identifier for identifier in found if isinstance(identifier, str)}
 
 

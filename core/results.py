@@ -117,7 +117,6 @@ class StationRecord:
     """Median angle between neighbouring returns."""
     registration_sigma: float
     known: bool
-    source: str = ""
     acquired: str = ""
     sensor: str = ""
 

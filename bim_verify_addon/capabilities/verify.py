@@ -53,8 +53,13 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    for name in ("spacing_mm", "fusion", "threads", "memory_gb", "display_vertices"):
-        layout.prop(context.scene.bim_verify, name)
+    settings = context.scene.bim_verify
+    layout.prop(settings, "registration_known")
+    row = layout.row()
+    row.active = settings.registration_known
+    row.prop(settings, "registration_sigma_mm")
+    for name in ("spacing_mm", "fusion", "preset", "threads", "memory_gb", "display_vertices"):
+        layout.prop(settings, name)
 
 
 def _loa(item: bpy.types.Object) -> str:
@@ -201,12 +206,13 @@ def show(scene: bpy.types.Scene, result: Any) -> bool:
     settings = scene.bim_verify
     display = make_display(result, settings.display_vertices)
     settings.model_path = str(Path(result.model.path).resolve())
+    settings.model_summary, settings.edited_model = project.in_words(result.model), result.model.content_hash
     for path in (*result.scan_paths, *result.options.dense):
         entry = settings.scans.add()
         entry.path, entry.name = str(Path(path).resolve()), Path(path).name
         entry.dense = path in result.options.dense
-    settings.loa, settings.sigma_mm = str(result.options.loa), 1000 * result.options.sigma
-    settings.align = result.options.align
+        entry.points, entry.stations = project.points_and_stations(path, result.options)
+    project.take_options(settings, result.options)
     project.adopt_frame(scene, result.model)
     scenery.show_result(scene, result, display)
     verdicts.store_all(scene, result)

@@ -50,7 +50,7 @@ class BIMVERIFY_OT_decide(bpy.types.Operator):
         from ...core.model.decisions import apply_decisions, remove_decision
 
         items = scene.element_objects(context.scene)
-        chosen = {g: items[g] for g in selection.global_ids(context) if g in items and items[g].bim_verify.status}
+        chosen = {g: items[g] for g in selection.keys(context) if g in items and items[g].bim_verify.status}
         if not chosen:
             self.report({"ERROR"}, "None of the selected objects has a verdict. Select verified elements.")
             return {"CANCELLED"}

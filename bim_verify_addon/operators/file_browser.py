@@ -56,7 +56,7 @@ def chosen(operator: bpy.types.Operator) -> list[str]:
     """
     names = [entry.name for entry in operator.files if entry.name]
     given = [str(Path(operator.directory) / name) for name in names] or [operator.filepath]
-    return [bpy.path.abspath(path) for path in given if path]
+    return [str(Path(bpy.path.abspath(path)).absolute()) for path in given if path]
 
 
 def named(filepath: str, *endings: str) -> Path:

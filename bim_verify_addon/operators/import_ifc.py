@@ -63,10 +63,11 @@ class BIMVERIFY_OT_import_ifc(FileJob["tuple[BuildingModel, NDArray[np.float64]]
 
 def adopt_model(context: bpy.types.Context, model: BuildingModel, placement: NDArray[np.float64]) -> str:
     """Take ``model`` as the scene's and show it, with the scans where ``placement`` (4, 4) puts them; one sentence."""
-    settings, before = context.scene.bim_verify, SESSION.models.get(context.scene.session_uid)
+    settings = context.scene.bim_verify
     SESSION.models[context.scene.session_uid] = model
-    if before is None or before.content_hash != model.content_hash:
+    if settings.edited_model != model.content_hash:
         settings.edits.clear()
+        settings.edited_model = model.content_hash
     settings.model_path = model.path
     project.adopt_frame(context.scene, model)
     if bonsai.live_file() is None:
@@ -82,9 +83,6 @@ def adopt_model(context: bpy.types.Context, model: BuildingModel, placement: NDA
         paint.refresh(context.scene)
     scene.move_scans(context.scene, placement)
     settings.alignment_summary = ""
-    storeys = len({element.storey for element in model.elements} - {""})
-    settings.model_summary = (
-        f"{len(model.elements)} elements in {storeys} storey{'s' if storeys != 1 else ''}, {model.schema}"
-    )
+    settings.model_summary = project.in_words(model)
     skipped = f" {len(model.skipped)} products have no usable body." if model.skipped else ""
     return f"{settings.model_summary}.{skipped}"

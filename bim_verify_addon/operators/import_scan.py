@@ -80,7 +80,8 @@ class BIMVERIFY_OT_import_scan(FileJob[Clouds], bpy.types.Operator):
         options, most = project.options(settings), points_shown(settings)
         known = SESSION.models.get(context.scene.session_uid)
         load = project.model_loader(context.scene) if known is None and project.has_model(settings) else None
-        campaign = list(dict.fromkeys([*project.scan_paths(settings), *paths]))
+        campaign = project.without_repeats([*project.scan_paths(settings), *paths])
+        paths = project.without_repeats(paths)
 
         def work(progress: Progress) -> Clouds:
             clouds = []
@@ -106,11 +107,12 @@ class BIMVERIFY_OT_import_scan(FileJob[Clouds], bpy.types.Operator):
             SESSION.models[context.scene.session_uid] = value.model
         first = not scene.element_objects(context.scene) and not scene.scan_objects(context.scene)
         for cloud in value.clouds:
-            entry = next((s for s in settings.scans if s.path == cloud.path), None) or settings.scans.add()
-            entry.name, entry.path = Path(cloud.path).name, cloud.path
+            entry = next((s for s in settings.scans if project.same_file(s.path, cloud.path)), None) or settings.scans.add()
+            entry.path = entry.path or cloud.path
+            entry.name = Path(cloud.path).name
             entry.points, entry.stations = cloud.points, cloud.stations
             project.adopt_frame(context.scene, value.model, cloud.xyz)
-            scene.show_scan(context.scene, cloud.path, entry.name, cloud.xyz, cloud.station, cloud.color)
+            scene.show_scan(context.scene, entry.path, entry.name, cloud.xyz, cloud.station, cloud.color)
         scene.move_scans(context.scene, value.placement)
         scene.show_colors_in_views()
         if first:

@@ -41,7 +41,7 @@ class BIMVERIFY_OT_plan(Job["PlanResult"], bpy.types.Operator):
         name="Coverage", default=0.9, min=0.01, max=1.0, subtype="FACTOR",
         description="Share of what can be reached of each element",
     )
-    selected: BoolProperty(name="Selected elements only", description="Plan for the elements that are selected")
+    selected_only: BoolProperty(name="Selected elements only", description="Plan for the elements that are selected")
     add: BoolProperty(name="Add to the scans", description="Plan the set-ups that the scans of this scene lack")
 
     @classmethod
@@ -54,7 +54,7 @@ class BIMVERIFY_OT_plan(Job["PlanResult"], bpy.types.Operator):
 
         settings = context.scene.bim_verify
         common = project.options(settings)
-        chosen = tuple(sorted(selection.chosen(context, self.selected) or ()))
+        chosen = tuple(sorted(selection.chosen(context, self.selected_only) or ()))
         options = PlanOptions(
             loa=int(self.loa), scanner=self.scanner, coverage=self.coverage, elements=chosen,
             scan_frame=common.scan_frame, origin=common.origin, threads=common.threads, memory_gb=common.memory_gb,

@@ -53,7 +53,8 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
 
     selected_only: BoolProperty(
         name="Selected elements only",
-        description="Give verdicts to the selected elements only; the others keep what they have",
+        description="Give verdicts to the selected elements only; the others keep what they have (all are verified where no "
+        "result that fits is in memory)",
     )
 
     @classmethod
@@ -89,16 +90,19 @@ class BIMVERIFY_OT_verify(Job["tuple[VerificationResult, Display, NDArray[np.flo
 
         result, display, placement = value
         result = replace(result, decisions=self.decided(context, result))
+        if self.only is not None and not selection.comparable(result.model, result.options, self.earlier):
+            self.only = None
+            self.warn(["No result that fits is in memory: all elements were verified, and all have new verdicts."])
         result = selection.merged(result, self.earlier, self.only)
 
-        bonsai.change_file(context, self.bl_idname, lambda file: write_verdicts(file, result))
         settings = context.scene.bim_verify
-        settings.result_key = SESSION.results.keep(result)
-        settings.exported_path = ""
-        SESSION.models[context.scene.session_uid] = result.model
         project.adopt_frame(context.scene, result.model)
         scene.show_result(context.scene, result, display, self.only)
         verdicts.store_all(context.scene, result)
+        bonsai.change_file(context, self.bl_idname, lambda file: write_verdicts(file, result))
+        settings.result_key = SESSION.results.keep(result)
+        settings.exported_path = ""
+        SESSION.models[context.scene.session_uid] = result.model
         paint.refresh(context.scene)
         scene.move_scans(context.scene, placement)
         scene.show_planned(context, False)

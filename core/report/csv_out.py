@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from ..results import LEVELS, VerificationResult
 
 FORMULA_STARTS = tuple("=+-@＝＋－＠\t\r\n")
 """A cell that begins with one of these may be run by a spreadsheet."""
+INSIDE = re.compile(r"""([;\t\r\n]["'\s]*)(?=[=+\-@＝＋－＠])""")
+"""Where a cell begins with one for a spreadsheet that separates cells by semicolons or tabs."""
 TEXT_COLUMNS = ("GlobalId", "Class", "Name", "Storey", "Status", "RequiredLOA", "AchievedLOA")
 NUMBER_COLUMNS = (
     "Coverage", "BeliefOccupied", "BeliefEmpty", "BeliefUnknown", "Conflict",
@@ -65,8 +68,12 @@ def csv_bytes(header: Iterable[str], rows: Iterable[Iterable[Cell]]) -> bytes:
 
 
 def guard(text: str) -> str:
-    """The text with a leading apostrophe if a spreadsheet could take it for a formula."""
-    return "'" + text if text.startswith(FORMULA_STARTS) or text.lstrip().startswith(FORMULA_STARTS) else text
+    """The text with an apostrophe wherever a spreadsheet could take what follows for a formula.
+
+    At its start, and after what separates cells where the comma does not (semicolon, tab, line).
+    """
+    starts = text.startswith(FORMULA_STARTS) or text.lstrip().startswith(FORMULA_STARTS)
+    return INSIDE.sub(r"\1'", "'" + text if starts else text)
 
 
 def _cell(name: str, value: Cell) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -12,9 +13,10 @@ import ifcopenshell.util.element
 import numpy as np
 import pytest
 
-from bim_verify.bim_verify_addon import scene
+from bim_verify.bim_verify_addon import project, scene
 from bim_verify.bim_verify_addon.headless import save_blend
 from bim_verify.core.errors import BimVerifyError
+from bim_verify.core.options import VerifyOptions
 from bim_verify.core.results import STATUSES, VerificationResult
 
 from .scene_facts import status_counts
@@ -90,6 +92,24 @@ def test_saved_scene_has_verdicts_and_colours(blender: bpy.types.Scene, result: 
     shadings = [s.shading.color_type for sc in bpy.data.screens for a in sc.areas for s in a.spaces if s.type == "VIEW_3D"]
     assert set(shadings) <= {"VERTEX"}
     assert [p.name for p in tmp_path.iterdir()] == ["saved.blend"]
+
+
+def test_a_saved_scene_verifies_again_with_the_same_options(
+    blender: bpy.types.Scene, result: VerificationResult, scan: Path, tmp_path: Path
+) -> None:
+    given = VerifyOptions(
+        loa=20, sigma=0.003, registration_sigma=0.001, align="fine", sample_spacing=0.05, fusion="yager", preset="tls",
+        scan_frame="map", origin=(1.5, -2.25, 1.7), threads=1, memory_gb=2.0,
+    )
+    found = replace(result, options=given, scan_paths=(str(scan),))
+    save_blend(found, tmp_path / "saved.blend", display_vertices=10_000)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    settings = bpy.context.scene.bim_verify
+    kept = project.options(settings)
+    for name, value in vars(given).items():
+        assert getattr(kept, name) == (pytest.approx(value, rel=1e-6) if isinstance(value, float) else value), name
+    assert settings.model_summary == "5 elements in 1 storey, IFC4"
+    assert [(entry.points, entry.stations) for entry in settings.scans] == [(2000, 1)]
 
 
 def test_saving_without_the_extension_enabled_leaves_it_so(result: VerificationResult, tmp_path: Path) -> None:

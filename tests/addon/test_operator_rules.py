@@ -26,7 +26,7 @@ ONLY_WRITE_FILES = {
 WRITE_FOLDERS = {"report", "export_change", "export_quality", "export_plan", "export_cameras"}
 NEED_NOTHING = {"import_ifc", "import_scan", "facade", "simulate", "export_templates", "bundle"}
 SELECTION = {
-    "verify": "selected_only", "plan": "selected", "export_bcf": "selected_only", "export_table": "selected_only",
+    "verify": "selected_only", "plan": "selected_only", "export_bcf": "selected_only", "export_table": "selected_only",
     "change": "selected_only", "quality": "selected_only", "report": "selected_only", "export_ids": "selected_only",
     "export_dimensions": "selected_only",
     "decide": "", "select_findings": "", "step_finding": "", "isolate_findings": "",

@@ -146,8 +146,8 @@ def fabricate(model: BuildingModel, *, seed: int = 0, spacing: float = 0.1, **ch
         "model": model, "options": options, "verdicts": tuple(verdicts), "samples": samples,
         "evidence": SampleEvidence(**columns, deviation=deviation, sigma=sigma),
         "stations": (
-            StationRecord("S1", (2.0, 1.5, 1.4), 120_000, 6e-4, 0.0008, True, "house.e57", "2024-05-01T09:30:00"),
-            StationRecord("S2", (-3.0, 1.5, 1.4), 80_000, 6e-4, float("nan"), False, "house.e57"),
+            StationRecord("S1", (2.0, 1.5, 1.4), 120_000, 6e-4, 0.0008, True, "2024-05-01T09:30:00"),
+            StationRecord("S2", (-3.0, 1.5, 1.4), 80_000, 6e-4, float("nan"), False),
         ),
         "alignment": AlignmentRecord(
             "fine", np.eye(4), np.diag([1e-8] * 3 + [1e-7, 1e-7, 4e-7]), np.zeros(3), "up (z), 0.6 mm", 0.0021, 0.91

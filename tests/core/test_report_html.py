@@ -151,6 +151,7 @@ def test_csv_is_guarded_and_the_same_inside(page: Page, folder: Path) -> None:
     assert rows[1]["Displacement_mm"] == "12.00" and rows[2]["Displacement_mm"] == ""
     assert [guard(t) for t in ("=1", " +1", "@x", "\tx", "-2")] == ["'=1", "' +1", "'@x", "'\tx", "'-2"]
     assert [guard(t) for t in ("W-1", "")] == ["W-1", ""]
+    assert [guard(t) for t in ('W;=1+2;', 'W;"=H(1)', 'a; b', 'a\n-1')] == ["W;'=1+2;", "W;\"'=H(1)", "a; b", "a\n'-1"]
 
 
 def test_csv_numbers_need_no_guard(hostile_result: VerificationResult) -> None:
