@@ -68,23 +68,27 @@ def places(scenery: Scenery, seen: Sightings, context: Context, progress: Progre
     its neighbours, and what an absent covering hid is looked at.
     """
     seen = scenery.explain(seen, seen.on_face, scenery.samples.element[seen.sample], None)
+    progress.check()
     plans, best, tried = _round(scenery, seen, context, None, {}, progress.part(0.0, 0.4))
     lost = _lost(scenery, seen, plans, best, context)
     found = search(scenery, lost, context, progress.part(0.4, 0.6))
-    best = _chosen(plans, best, probe(scenery, list(found.items()), None, context, Progress(), searched=True), context)
+    here = progress.part(0.6, 0.6)
+    best = _chosen(plans, best, probe(scenery, list(found.items()), None, context, here, searched=True), context)
     as_built = AsBuilt.of(scenery.model, plans, best, context)
     if as_built is None:
-        return Findings(plans, _refined(scenery, plans, best, None, context), scenery.samples, seen, tried)
-    scenery, uncovered = _uncover(scenery, as_built, context)
+        return Findings(plans, _refined(scenery, plans, best, None, context, here), scenery.samples, seen, tried)
+    scenery, uncovered = _uncover(scenery, as_built, context, here)
     seen = Sightings.join([seen, uncovered])
     seen = seen.rows(np.lexsort((seen.station, seen.sample)))
     seen = scenery.explain(seen, seen.on_face, scenery.samples.element[seen.sample], as_built)
+    progress.check()
     plans, best, tried = _round(scenery, seen, context, as_built, found, progress.part(0.6, 1.0))
-    return Findings(plans, _refined(scenery, plans, best, as_built, context), scenery.samples, seen, tried)
+    best = _refined(scenery, plans, best, as_built, context, progress.part(1.0, 1.0))
+    return Findings(plans, best, scenery.samples, seen, tried)
 
 
 def _uncover(
-    scenery: Scenery, as_built: AsBuilt, context: Context
+    scenery: Scenery, as_built: AsBuilt, context: Context, progress: Progress
 ) -> tuple[Scenery, Sightings]:
     """Positions that only a moved or absent element hid count from now on; returns what was seen at them."""
     s = scenery.samples
@@ -107,7 +111,7 @@ def _uncover(
     row = row[exposed[row]]
     scenery = replace(scenery, samples=replace(s, exposed=exposed))
     queries = Queries(row, s.position[row], s.normal[row], s.element[row], s.triangle[row], np.zeros((len(row), 3)))
-    seen = scenery.look(queries, Progress())
+    seen = scenery.look(queries, progress)
     return scenery, with_glass(scenery, seen, s.triangle[seen.sample], context.see_through)
 
 
@@ -122,6 +126,7 @@ def _round(
     plans, slides = [], []
     asked: list[tuple[int, NDArray[np.float64]]] = []
     for e in range(count):
+        progress.check()
         part = seen.rows(slice(edge[e], edge[e + 1]))
         local = part.sample.astype(np.int64)
         plans.append(assess_place(np.zeros(3), part, samples.area[local], float(exposed[e]), context))
@@ -130,7 +135,7 @@ def _round(
     tried = probe(scenery, asked, as_built, context, progress)
     best = _chosen(plans, plans, tried, context)
     lost = [(e, shift) for e, shift in found.items() if best[e] is plans[e]]
-    best = _chosen(plans, best, probe(scenery, lost, as_built, context, Progress(), searched=True), context)
+    best = _chosen(plans, best, probe(scenery, lost, as_built, context, progress.part(1.0, 1.0), searched=True), context)
     slid = probe_slides(scenery, slides, plans, as_built, context, progress)
     for e, places_ in slid.items():
         if best[e] is plans[e]:
@@ -157,7 +162,7 @@ def _lost(
 
 
 def _refined(
-    scenery: Scenery, plans: list[Place], best: list[Place], as_built: AsBuilt | None, context: Context
+    scenery: Scenery, plans: list[Place], best: list[Place], as_built: AsBuilt | None, context: Context, progress: Progress
 ) -> list[Place]:
     """Look again from where the fit says that a moved element stands: round surfaces are flat only over a small step."""
     best = list(best)
@@ -168,7 +173,7 @@ def _refined(
         ]
         if not again:
             break
-        nearer = probe(scenery, again, as_built, context, Progress())
+        nearer = probe(scenery, again, as_built, context, progress)
         for e, found in nearer.items():
             if found[0].at >= STILL_THERE * best[e].at and len(found[0].fit.determined) >= len(best[e].fit.determined):
                 back = float(np.linalg.norm(found[0].fit.vector)) <= STILL_AT_PLAN * context.window

@@ -62,7 +62,7 @@ def hostile_result(tmp_path_factory: pytest.TempPathFactory) -> VerificationResu
         for v, name in zip(result.verdicts, HOSTILE, strict=True)
     )
     model = replace(result.model, project_name=HOSTILE[0], skipped=(HOSTILE[1],), path=f"/x/{HOSTILE[1]}.ifc")
-    stations = tuple(replace(s, name=HOSTILE[0], source=HOSTILE[1], sensor=HOSTILE[3]) for s in result.stations)
+    stations = tuple(replace(s, name=HOSTILE[0], sensor=HOSTILE[3]) for s in result.stations)
     alignment = replace(result.alignment, weakest_direction=HOSTILE[0])
     return replace(
         result, verdicts=verdicts, model=model, stations=stations, alignment=alignment, warnings=HOSTILE[:2],
