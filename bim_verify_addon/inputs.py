@@ -15,12 +15,13 @@ SETTINGS = "bim_verify"
 FILE = "FILE_PATH"
 
 
-def refuse(scene: bpy.types.Scene, *outputs: str | Path, beside: Iterable[str] = ()) -> None:
-    """Raise BimVerifyError where one of these is a file that the scene reads, or the project that Bonsai has open.
+def refuse(*outputs: str | Path, beside: Iterable[str] = ()) -> None:
+    """Raise BimVerifyError where one of these is a file that a scene reads, or the project that Bonsai has open.
 
     ``beside``: further files that the operator itself reads; empty names are none.
     """
-    given = [bpy.path.abspath(path) for name in _groups(scene) for path in _files(getattr(scene, name))]
+    read = (path for one in bpy.data.scenes for name in _groups(one) for path in _files(getattr(one, name)))
+    given = [bpy.path.abspath(path) for path in read]
     refuse_inputs([*given, *filter(None, [bonsai.live_path(), *beside])], [str(output) for output in outputs])
 
 

@@ -16,7 +16,7 @@ from .point_display import show_as_points
 from .surface_grid import Display, second_sides
 
 ROOT = "BIM Verify"
-SCANS = "Scans"
+SCANS, STOREY = "Scans", "storey "
 GUID_KEY = "GlobalId"
 SECOND_KEY = "bim_verify_element"
 """On the object of an element whose GlobalId another one has as well: its name among ``element_objects``."""
@@ -200,8 +200,8 @@ def show_colors_in_views(kind: str = "VERTEX") -> None:
                     space.shading.color_type = kind
 
 
-def collection(scene: bpy.types.Scene, *path: str) -> bpy.types.Collection:
-    """The collection ``BIM Verify / path...``, made where it is missing.
+def collection(scene: bpy.types.Scene, *path: str, kind: str = "") -> bpy.types.Collection:
+    """The collection ``BIM Verify / path...``, made where it is missing; one of another ``kind`` may have the same name.
 
     One that another scene has as well (a linked copy) leaves this one, so that neither changes what the other shows.
     """
@@ -210,7 +210,7 @@ def collection(scene: bpy.types.Scene, *path: str) -> bpy.types.Collection:
         parent.children.unlink(shared)
     for depth in range(len(path) + 1):
         name = path[depth - 1] if depth else ROOT
-        key = "\n".join(path[:depth])
+        key = kind * bool(depth) + "\n".join(path[:depth])
         found = next((c for c in parent.children if c.get(PLACE_KEY) == key and c.library is None), None)
         if found is None:
             found = bpy.data.collections.new(name or "(no storey)")
@@ -293,7 +293,7 @@ def _put_element(
         item[GUID_KEY] = element.global_id
         if key != element.global_id:
             item[SECOND_KEY] = key
-        collection(scene, element.storey).objects.link(item)
+        collection(scene, element.storey, kind=STOREY).objects.link(item)
     else:
         item.data.name = object_name(element)
     vertices, triangles = surface

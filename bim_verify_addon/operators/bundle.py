@@ -67,7 +67,7 @@ class BIMVERIFY_OT_bundle(FileJob[Adjusted], bpy.types.Operator):
             raise BimVerifyError("No project was given. Choose one.")
         source = Path(bpy.path.abspath(self.filepath))
         target = named(self.adjusted, ".json") if self.adjusted else source.with_name(f"{source.stem}_adjusted.json")
-        inputs.refuse(context.scene, target, beside=[str(source)])
+        inputs.refuse(target, beside=[str(source)])
         settings, on_model, loa = context.scene.bim_verify, self.on_model, int(self.loa)
         if on_model and not project.has_model(settings):
             raise BimVerifyError("There is no model to tie the photos to. Import one first, or leave Tie to the model off.")

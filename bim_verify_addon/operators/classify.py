@@ -48,7 +48,7 @@ class BIMVERIFY_OT_classify(ClassifyChoices, FileJob["tuple[str, str]"], bpy.typ
         if not self.filepath:
             raise BimVerifyError("No file name was given. Choose where to write the cloud.")
         path, paths = named(self.filepath, *SUFFIXES), project.scan_paths(settings)
-        inputs.refuse(context.scene, path)
+        inputs.refuse(path)
         common = project.options(settings)
         options = ClassifyOptions(
             loa=common.loa, sigma=common.sigma, as_built=self.as_built, scan_frame=common.scan_frame, origin=common.origin,

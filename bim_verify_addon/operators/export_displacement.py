@@ -53,7 +53,7 @@ class BIMVERIFY_OT_export_displacement(ReportBeside, FileJob[str], bpy.types.Ope
         report = self.report_folder(path)
         found = SESSION.walls[context.scene[wall_scene.RESULT_KEY]]
         outputs = [path, *([report / PAGE] if report else [])]
-        inputs.refuse(context.scene, *outputs, beside=[*found.base_paths, *found.later_paths])
+        inputs.refuse(*outputs, beside=[*found.base_paths, *found.later_paths])
 
         def work(progress: Progress) -> str:
             with all_or_none():

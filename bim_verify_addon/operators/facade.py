@@ -123,7 +123,7 @@ class BIMVERIFY_OT_write_facade(IfcToWrite, ReportBeside, FileJob[Written], bpy.
         path = named(self.filepath, ".ifc")
         report = self.report_folder(path)
         made = read_mockup(context.scene)
-        inputs.refuse(context.scene, path, *([report / PAGE] if report else []), beside=[f.image for f in made.facades])
+        inputs.refuse(path, *([report / PAGE] if report else []), beside=[f.image for f in made.facades])
         pictures = read_pictures(context.scene) if report else []
 
         def work(progress: Progress) -> Written:

@@ -76,7 +76,7 @@ class BIMVERIFY_OT_reconstruct(IfcToWrite, ReconstructOutputs, FileJob[Made], bp
             raise BimVerifyError("No file name was given. Choose where to write the IFC file.")
         path, paths = named(self.filepath, ".ifc"), project.scan_paths(settings)
         compared = bpy.path.abspath(self.reference) if self.reference else ""
-        inputs.refuse(context.scene, path, beside=[compared])
+        inputs.refuse(path, beside=[compared])
         common = project.options(settings)
         options = ReconstructOptions(
             sigma=common.sigma, scan_frame=common.scan_frame, origin=common.origin, threads=common.threads,

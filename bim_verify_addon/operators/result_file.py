@@ -55,7 +55,7 @@ class ResultFile(FileJob[str]):
             raise BimVerifyError("No file name was given. Choose where to write.")
         path = named(self.filepath, *self.suffixes)
         result, write = self.result(context), self.writer(context)
-        inputs.refuse(context.scene, path, *(path / name for name in self.inside()))
+        inputs.refuse(path, *(path / name for name in self.inside()))
 
         def work(progress: Progress) -> str:
             with all_or_none():

@@ -78,7 +78,7 @@ class ResultFolder(FileJob[str]):
         if folder.is_file():
             raise BimVerifyError(f"{folder} is a file. Give a folder.")
         parts = [part for part in self.parts(found) if part.wanted]
-        inputs.refuse(context.scene, *(folder / part.name for part in parts), beside=self.sources(context.scene, found))
+        inputs.refuse(*(folder / part.name for part in parts), beside=self.sources(context.scene, found))
 
         def work(progress: Progress) -> str:
             with all_or_none():

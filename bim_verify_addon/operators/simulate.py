@@ -52,7 +52,7 @@ class BIMVERIFY_OT_simulate(FileJob["WrittenScan"], bpy.types.Operator):
         if not self.filepath:
             raise BimVerifyError("Name the E57 file to write.")
         path = bpy.path.abspath(self.filepath)
-        inputs.refuse(context.scene, path)
+        inputs.refuse(path)
         place = frame.stored(context.scene) or frame.ViewFrame()
         corners, owner, names = [], [], []
         depsgraph = context.evaluated_depsgraph_get()

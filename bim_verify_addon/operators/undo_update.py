@@ -41,7 +41,7 @@ class BIMVERIFY_OT_undo_update(IfcToWrite, FileJob[str], bpy.types.Operator):
         if not self.filepath:
             raise BimVerifyError("No file name was given. Choose where to write the IFC file.")
         path, source = named(self.filepath, ".ifc"), project.model_path(context.scene.bim_verify)
-        inputs.refuse(context.scene, path)
+        inputs.refuse(path)
         folder, copy = bonsai.live_copy() or (nullcontext(), None)
 
         def work(progress: Progress) -> str:

@@ -81,10 +81,14 @@ def refuse_same(output: str, others: list[str]) -> None:
 
 def refuse_inputs(inputs: list[str], outputs: list[str]) -> None:
     """Refuse outputs that are inputs."""
-    given = {Path(p).resolve() for p in inputs}
     for output in outputs:
-        if Path(output).resolve() in given:
+        if any(_is_same(Path(output), Path(given)) for given in inputs):
             raise BimVerifyError(f"{output} is an input and is never written to; give another name for the output.")
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    """Whether two paths name one file, also where the system takes ``SCAN.e57`` for ``scan.e57``."""
+    return one.resolve() == other.resolve() or (one.exists() and other.exists() and one.samefile(other))
 
 
 def check_report(folder: str, names: tuple[str, ...], inputs: list[str], outputs: list[str]) -> None:

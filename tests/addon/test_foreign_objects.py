@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
+import ifcopenshell
 import pytest
 
 from bim_verify.bim_verify_addon import bonsai, scene
@@ -127,3 +128,16 @@ def test_a_result_for_another_project_of_bonsai_is_dropped(monkeypatch: pytest.M
     operator.start(context)
     assert drive(operator, context) == {"CANCELLED"}
     assert "another one now" in operator.reports[0][1] and operator.finished == []
+
+
+def test_a_storey_called_like_a_collection_of_ours_has_its_own(
+    blender: bpy.types.Scene, house: Path, scan: Path, tmp_path: Path
+) -> None:
+    file = ifcopenshell.open(str(house))
+    for storey in file.by_type("IfcBuildingStorey"):
+        storey.Name = scene.SCANS
+    file.write(str(tmp_path / "scans.ifc"))
+    ops.import_ifc(filepath=str(tmp_path / "scans.ifc"))
+    ops.import_scan(filepath=str(scan))
+    of_scan = scene.scan_objects(blender)[0].users_collection
+    assert not any(set(item.users_collection) & set(of_scan) for item in scene.element_objects(blender).values())
