@@ -65,7 +65,8 @@ class BundleProblem:
             raise BimVerifyError("A bundle adjustment needs cameras, points and observations; one of them is missing.")
         for name, index, size in (("camera", o.camera, c), ("point", o.point, m), ("point", self.control.point, m)):
             if len(index) and (index.min() < 0 or index.max() >= size):
-                raise BimVerifyError(f"An observation names {name} {int(index.max())}, but there are {size}.")
+                wrong = int(index.max() if index.max() >= size else index.min())
+                raise BimVerifyError(f"An observation names {name} {wrong}; they are numbered 0 to {size - 1}.")
         if unknown := set(self.free) - set(INSIDE_NAMES):
             raise BimVerifyError(f"{', '.join(sorted(unknown))} cannot be calibrated; choose from {', '.join(INSIDE_NAMES)}.")
         poses = [*(k.rotation for k in self.cameras), *(k.position for k in self.cameras)]

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bim_verify.core.change.results import CONFIRMED, DISAPPEARED, NEW, UNKNOWN
 from bim_verify.core.commands.verify import summary_lines
 from bim_verify.core.evidence.photo_campaign import photo_campaign
 from bim_verify.core.imagery.cameras_file import camera_to_plain
@@ -108,6 +109,32 @@ def test_nothing_is_gone_for_a_block_without_control_that_may_be_off(tmp_path: P
     believed = change(room(), [[off]], options=replace(options, registration_sigma=0.002))
     assert {e.state for e in believed.elements} & {"DISAPPEARED", "PARTIAL"}
     assert any("2.0 mm are counted for that, as you stated" in text for text in believed.warnings)
+
+
+def test_voxels_and_groups_of_a_block_that_may_be_off_are_neither_new_nor_gone(tmp_path: Path) -> None:
+    options = ChangeOptions(voxel=0.04, sigma=SIGMA_M, sample_spacing=0.1, memory_gb=1.0, cache=False)
+    off, sure = moved_block(tmp_path / "off.json", (0.1, 0.1, 0.1), 0.15), project(tmp_path / "sure.json")
+    sides = {None: [], "of stated": [], "to": [sure]}
+    for name, reference in sides.items():
+        stated = 0.15 if name == "of stated" else None
+        found = change(room(), [[off]], reference or None, replace(options, registration_sigma=stated))
+        assert not found.clusters and not found.clusters_left_out
+        assert set(np.unique(found.voxels.state)) <= {UNKNOWN, CONFIRMED}
+        assert all(c.new == c.disappeared == 0 for c in found.voxel_counts if "epoch" in (c.epoch, c.against))
+        assert any("no voxel or group new or gone" in text and "(epoch)" in text for text in found.warnings)
+    believed = change(room(), [[off]], options=replace(options, registration_sigma=0.002))
+    assert believed.clusters and {NEW, DISAPPEARED} <= set(np.unique(believed.voxels.state))
+
+
+def test_a_block_that_may_be_off_says_nothing_of_groups_of_other_epochs(tmp_path: Path) -> None:
+    options = ChangeOptions(voxel=0.04, sigma=SIGMA_M, sample_spacing=0.1, memory_gb=1.0, cache=False)
+    off, last = moved_block(tmp_path / "off.json", (0.1, 0.1, 0.1), 0.15), project(tmp_path / "last.json", "table")
+    found, alone = (change(room(), epochs, options=options) for epochs in ([[off], [last]], [[last]]))
+    assert [(c.kind, c.voxels) for c in found.clusters] == [(c.kind, c.voxels) for c in alone.clusters]
+    assert found.clusters and {c.persistence for c in found.clusters} == {"unknown"}
+    assert not any("epoch 1" in c.epochs for c in found.clusters)
+    counts = {(c.epoch, c.against): c.new + c.disappeared for c in found.voxel_counts}
+    assert counts["epoch 2", "epoch 1"] == counts["epoch 1", "model"] == 0 < counts["epoch 2", "model"]
 
 
 def test_quality_counts_the_place_of_a_block_without_control(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
