@@ -6,12 +6,14 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from bim_verify.core.errors import BimVerifyError
+from bim_verify.core.imagery import register_image as placing
 from bim_verify.core.imagery.cameras_file import CameraList, KnownCamera, camera_to_plain, read_cameras
 from bim_verify.core.imagery.coregistration import CoregisterOptions, findings, refined_cameras, state_of
 from bim_verify.core.imagery.detect_lines import detect_lines
@@ -58,6 +60,37 @@ def test_a_photo_of_another_place_is_not_placed(photo, viewer) -> None:  # type:
     elsewhere = KnownCamera(replace(camera(), rotation=camera().rotation @ np.diag([-1.0, -1.0, 1.0])))
     found = register_image(viewer, detect_lines(photo, LENS), elsewhere, model_sigma=SIGMA)
     assert state_of(found) in ("FAILED", "AMBIGUOUS") and found.note
+
+
+def test_a_pose_drawn_by_chance_is_followed_to_its_end_before_it_counts(
+    photo: np.ndarray, viewer: EdgeViewer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    by_chance, match, settle = placing._by_chance, placing.match_lines, placing._settle
+    follow = True
+
+    def stopped_short(edges: Any, lines: Any, known: KnownCamera, sigma: float) -> Any:
+        found = match(edges, lines, known, sigma)
+        if found is None:
+            return None
+        return (replace(known, camera=found[0].camera.moved(np.zeros(3), np.array([0.05, 0.0, 0.0]))), *found[1:])
+
+    def settled(*where: Any) -> Any:
+        if follow:
+            return settle(*where)
+        raise BimVerifyError("not followed")
+
+    def half_way(*what: Any) -> float:
+        with monkeypatch.context() as patch:
+            patch.setattr(placing, "match_lines", stopped_short)
+            patch.setattr(placing, "_settle", settled)
+            return by_chance(*what)
+
+    monkeypatch.setattr(placing, "_by_chance", half_way)
+    lines, coarse = detect_lines(photo, LENS), KnownCamera(camera().moved(0.1 * COARSE[0], 0.1 * COARSE[1]), 0.02, 0.003)
+    states = {}
+    for follow in (True, False):
+        states[follow] = state_of(register_image(viewer, lines, coarse, model_sigma=SIGMA))
+    assert states[True] in ("REFINED", "PARTLY") and states[False] == "AMBIGUOUS"
 
 
 def test_lines_of_one_direction_leave_a_direction_that_is_named(photo, viewer) -> None:  # type: ignore[no-untyped-def]

@@ -129,9 +129,11 @@ def test_a_line_where_elements_cut_through_each_other_is_seen() -> None:
 
 def test_large_photos_are_read_without_a_warning_and_larger_ones_refused(tmp_path: Path) -> None:
     def header(side: int) -> Path:
-        kind = b"IHDR" + struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
         path = tmp_path / f"{side}.png"
-        path.write_bytes(b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + kind + struct.pack(">I", zlib.crc32(kind)))
+        chunks = (b"IHDR" + struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0), b"IDAT" + bytes(8))
+        path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(
+            struct.pack(">I", len(c) - 4) + c + struct.pack(">I", zlib.crc32(c)) for c in chunks
+        ))
         return path
 
     with warnings.catch_warnings():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,12 +14,13 @@ from bim_verify.core.change.results import CONFIRMED, DISAPPEARED, NEW, UNKNOWN
 from bim_verify.core.commands.verify import summary_lines
 from bim_verify.core.evidence.photo_campaign import photo_campaign
 from bim_verify.core.imagery.cameras_file import camera_to_plain
-from bim_verify.core.jobs import change, quality, verify
+from bim_verify.core.jobs import change, quality, reconstruct, verify
 from bim_verify.core.model.raycast import RayScene
 from bim_verify.core.options import ChangeOptions, VerifyOptions
 from bim_verify.core.quality import assess
 from bim_verify.core.quality.options import QualityOptions
 from bim_verify.core.quality.prediction import NOISES_M, SPACINGS_M, ErrorTable
+from bim_verify.core.reconstruction import reconstruct as reconstruction
 from bim_verify.core.report.html import render_page
 from bim_verify.core.scans.open import open_scans
 from bim_verify.core.simulation.photo import looking
@@ -135,6 +137,22 @@ def test_a_block_that_may_be_off_says_nothing_of_groups_of_other_epochs(tmp_path
     assert not any("epoch 1" in c.epochs for c in found.clusters)
     counts = {(c.epoch, c.against): c.new + c.disappeared for c in found.voxel_counts}
     assert counts["epoch 2", "epoch 1"] == counts["epoch 1", "model"] == 0 < counts["epoch 2", "model"]
+
+
+def test_a_building_from_a_block_without_control_is_said_to_be_scaled_as_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reconstruction, "reconstruct", lambda *_: SimpleNamespace(warnings=[], timings={}))
+    free, fixed = project(tmp_path / "free.json", place_sigma=0.03), tmp_path / "fixed.json"
+    content = json.loads(free.read_text())
+    seen = sorted({row[1] for row in content["observations"]})
+    content["control"] = [{"point": k, "coordinates": content["points"][k]} for k in seen[:: len(seen) // 6]]
+    fixed.write_text(json.dumps(content))
+    said = reconstruct([free]).warnings
+    position = np.array([entry["position"] for entry in content["cameras"]])
+    share = 0.03 / np.linalg.norm(position - position.mean(axis=0))
+    assert len(said) == 1 and f"off by {100 * share:.2g} % (one sigma)" in said[0]
+    assert not reconstruct([fixed]).warnings
 
 
 def test_quality_counts_the_place_of_a_block_without_control(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
