@@ -24,6 +24,7 @@ POSITION_SIGMA_M = 0.15
 ROTATION_SIGMA_RAD = math.radians(1.0)
 """Of a coarse pose whose file does not say it."""
 ROUNDING = 1e-4
+LARGEST_NUMBER = 1e300
 LEAST_SIGMA, LARGEST_SIGMA = 1e-6, 1e4
 """Of a pose, metres or degrees."""
 DISTORTION = ("k1", "k2", "p1", "p2", "k3")
@@ -248,7 +249,7 @@ def numbers(value: Any, shape: tuple[int, ...]) -> Vector | None:
 def number(entry: dict[str, Any], key: str, where: str) -> float:
     """A finite number of an object; BimVerifyError if it is none."""
     value = entry.get(key)
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= LARGEST_NUMBER:
         raise BimVerifyError(f"{where}: {key} must be a number, not {str(value)[:40]!r}.")
     return float(value)
 

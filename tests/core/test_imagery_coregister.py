@@ -145,12 +145,15 @@ def test_cameras_files_are_read_in_every_form_and_refused_in_a_sentence(tmp_path
         ({"position": [1, 2]}, "no position"), ({"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}, "no 3 x 3 rotation"),
         ({"interior": {"width": 640, "height": 480}}, "fx must be a number"),
         ({"interior": entry["interior"] | {"k1": -40.0}}, "cannot be inverted"), ({"position_sigma_m": 0}, "larger than zero"),
-        ({"position_sigma_m": 1e-200}, "must lie between"),
+        ({"position_sigma_m": 1e-200}, "must lie between"), ({"position_sigma_m": 10**400}, "must be a number"),
         ({"interior": {"width": 640, "height": 480, "f_mm": 26, "sensor_width_mm": 0}}, "sensor_width_mm must be larger"),
     ):
         path.write_text(json.dumps({"cameras": [entry | spoiled]}))
         with pytest.raises(BimVerifyError, match=sentence):
             read_cameras(path)
+    path.write_text('{"cameras": [1' + 5000 * "0" + "]}")
+    with pytest.raises(BimVerifyError, match="no JSON file that can be read"):
+        read_cameras(path)
 
 
 def test_what_is_no_image_is_refused_in_a_sentence(tmp_path: Path) -> None:

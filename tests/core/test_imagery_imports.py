@@ -152,6 +152,10 @@ def test_the_command_says_what_it_left_out_and_which_sigmas_it_gives(
     ({"control": [{"point": True, "coordinates": [0, 0, 0]}]}, "needs a point"),
     ({"free": ["f", "zoom"]}, "zoom cannot be calibrated"), ({"control": [{"point": 900}]}, "needs a point"),
     ({"import": "nowhere"}, "neither a folder of COLMAP"), ({"sigma_px": -1}, "larger than zero"),
+    ({"sigma_px": 1e-300}, "1e-09 to 1e"), ({"sigma_px": 1e300}, "1e-09 to 1e"),
+    ({"control": [{"point": 0, "coordinates": [0, 0, 0], "sigma_m": 1e-200}]}, "1e-09 to 1e"),
+    ({"control": [{"point": 0, "coordinates": [1e300, 0, 0]}]}, r"beyond 1e\+08 m"),
+    ({"observations": [[0, 0, 1e300, 1]]}, r"pixels beyond 1e\+06"), ({"points": [[0, 1e200, 0]] * 900}, r"beyond 1e\+08 m"),
     ({"control": [{"point": 0, "coordinates": [0, 0, 0]}] * 2}, "names point 0, which is a control point already"),
 ])
 def test_projects_that_cannot_be_right_are_refused(tmp_path: Path, change: dict[str, Any], sentence: str) -> None:

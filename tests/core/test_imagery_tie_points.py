@@ -114,7 +114,7 @@ def test_nothing_is_gone_for_a_block_without_control_that_may_be_off(tmp_path: P
 
 
 def test_voxels_and_groups_of_a_block_that_may_be_off_are_neither_new_nor_gone(tmp_path: Path) -> None:
-    options = ChangeOptions(voxel=0.04, sigma=SIGMA_M, sample_spacing=0.1, memory_gb=1.0, cache=False)
+    options = ChangeOptions(voxel=0.04, sigma=SIGMA_M, sample_spacing=0.3, memory_gb=1.0, cache=False)
     off, sure = moved_block(tmp_path / "off.json", (0.1, 0.1, 0.1), 0.15), project(tmp_path / "sure.json")
     sides = {None: [], "of stated": [], "to": [sure]}
     for name, reference in sides.items():
@@ -129,7 +129,7 @@ def test_voxels_and_groups_of_a_block_that_may_be_off_are_neither_new_nor_gone(t
 
 
 def test_a_block_that_may_be_off_says_nothing_of_groups_of_other_epochs(tmp_path: Path) -> None:
-    options = ChangeOptions(voxel=0.04, sigma=SIGMA_M, sample_spacing=0.1, memory_gb=1.0, cache=False)
+    options = ChangeOptions(voxel=0.04, sigma=SIGMA_M, sample_spacing=0.3, memory_gb=1.0, cache=False)
     off, last = moved_block(tmp_path / "off.json", (0.1, 0.1, 0.1), 0.15), project(tmp_path / "last.json", "table")
     found, alone = (change(room(), epochs, options=options) for epochs in ([[off], [last]], [[last]]))
     assert [(c.kind, c.voxels) for c in found.clusters] == [(c.kind, c.voxels) for c in alone.clusters]
