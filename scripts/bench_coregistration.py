@@ -217,10 +217,17 @@ def tables(cells: dict[tuple[str, int, float], Cell], runs: int) -> dict[str, ob
     print(
         f"Calibrated against the source: {theirs_over.min():.1f} to {theirs_over.max():.1f} times better (median "
         f"{np.median(theirs_over):.1f}); against the 12 elements here: {ours_over.min():.1f} to {ours_over.max():.1f} "
-        f"(median {np.median(ours_over):.1f}).\nThe Cramer-Rao bounds of the two are {limit_over.min():.1f} to "
-        f"{limit_over.max():.1f} times apart (median {np.median(limit_over):.1f}), so no estimate of the same lines gains "
-        f"more; measured over that, cell by cell: {off.min():.2f} to {off.max():.2f}, {np.exp(np.log(off).mean()):.3f} in the "
-        f"mean (of {runs} runs each, chance alone scatters it by up to {1.0 / math.sqrt(runs - 1):.2f})."
+        f"(median {np.median(ours_over):.1f}), 3 times or more in {(ours_over >= 3).sum()} cells."
+    )
+    each = [limit_over.reshape(len(SOURCE), len(NAMES), -1)[:, row] for row in range(len(NAMES))]
+    print(
+        f"The Cramer-Rao bounds of the two are {limit_over.min():.1f} to {limit_over.max():.1f} times apart (median "
+        f"{np.median(limit_over):.1f}; 3 times or more in {(limit_over >= 3).sum()} cells): "
+        + ", ".join(f"{name} {one.min():.1f} to {one.max():.1f}" for name, one in zip(NAMES, each, strict=True)) + "."
+    )
+    print(
+        f"Measured over that, cell by cell: {off.min():.2f} to {off.max():.2f}, {np.exp(np.log(off).mean()):.3f} in the mean "
+        f"(of {runs} runs each, chance alone scatters it by up to {1.0 / math.sqrt(runs - 1):.2f})."
     )
     return {
         "cells_below": below, "cells": total, "least_gain_source": float(theirs_over.min()),
