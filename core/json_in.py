@@ -20,7 +20,7 @@ def read_json(source: Path, what: str, largest: int) -> Any:
         return json.loads(source.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise BimVerifyError(f"Cannot read {source}: {error.strerror or error}. Check the path.") from error
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise BimVerifyError(f"{source} is no JSON file that can be read ({str(error)[:80]}). Write it again.") from error
 
 

@@ -81,6 +81,8 @@ class Cell:
     """(runs,) squared error in units of the predicted covariance; chi-square with six degrees."""
     efficiency: float
     factor: float
+    limit: Array
+    """(6,) the least standard deviations that any unbiased estimate has (Cramer-Rao), in the units of ``errors``."""
 
     @property
     def spread(self) -> Array:
@@ -157,7 +159,8 @@ def cell(kind: str, start: Array, end: Array, sigma: float, noise: float, runs: 
         squares.append(float(away @ np.linalg.solve(found.covariance, away)))
         normal.append(float(away @ np.linalg.solve(exact, away)))
         factors.append(found.variance_factor)
-    return Cell(np.array(errors), np.array(squares), 6.0 / float(np.mean(normal)), float(np.mean(factors)))
+    efficiency = 6.0 / float(np.mean(normal))
+    return Cell(np.array(errors), np.array(squares), efficiency, float(np.mean(factors)), limits(exact))
 
 
 def bound(kind: str, start: Array, end: Array, sigma: float, noise: float) -> Array:
@@ -170,6 +173,13 @@ def bound(kind: str, start: Array, end: Array, sigma: float, noise: float) -> Ar
     return found.covariance
 
 
+def limits(exact: Array) -> Array:
+    """(6,) standard deviations of X0, Y0, Z0 [m] and of omega, phi, kappa [deg] of a pose's covariance at the true values."""
+    step = 1e-6
+    turn = np.column_stack([angles(TRUE.moved(step * axis, np.zeros(3))) / step for axis in np.eye(3)])
+    return np.sqrt(np.concatenate([np.diag(exact)[3:], np.diag(turn @ exact[:3, :3] @ turn.T)]))
+
+
 def angles(camera: Camera) -> Array:
     """(3,) degrees that omega, phi and kappa are off."""
     away = np.degrees(np.array(to_omega_phi_kappa(camera.rotation)) - np.array(to_omega_phi_kappa(TRUE.rotation)))
@@ -179,22 +189,25 @@ def angles(camera: Camera) -> Array:
 def tables(cells: dict[tuple[str, int, float], Cell], runs: int) -> dict[str, object]:
     """Print the tables; how many cells are at or below the source's, and how much better the calibrated pose is."""
     below = total = 0
-    gains = []
+    gains: list[tuple[float, float, float]] = []
     for level in reversed(LEVELS):
         print(f"\nLOA{level} (sigma {1000 * level_sigma(level):g} mm), {runs} runs a cell: source / projective / calibrated")
         print("           " + "".join(f"{f'{noise} px':>26}" for noise in NOISE_PX))
         for row, name in enumerate(NAMES):
             text = f"{name:<11}"
             for column, noise in enumerate(NOISE_PX):
-                ours, best = (sorted_spread(cells[kind, level, noise])[row] for kind in ("projective", "calibrated"))
+                both = [cells[kind, level, noise] for kind in ("projective", "calibrated")]
+                ours, best = (by_size(one.spread)[row] for one in both)
+                least = [by_size(one.limit)[row] for one in both]
                 theirs = SOURCE[level][BY_SIZE.get(name, row)][column] if level in SOURCE else math.nan
                 text += f"{theirs:10.3f} {ours:7.4f} {best:7.4f}"
                 if level in SOURCE:
                     total += 1
                     below += ours <= theirs
-                    gains.append((theirs / best, ours / best))
+                    gains.append((theirs / best, ours / best, least[0] / least[1]))
             print(text)
-    theirs_over, ours_over = np.array(gains).T
+    theirs_over, ours_over, limit_over = np.array(gains).T
+    off = ours_over / limit_over
     above = sum(
         float(cells["projective", level, noise].spread[row]) > SOURCE[level][row][column]
         for level in SOURCE for row in range(6) for column, noise in enumerate(NOISE_PX)
@@ -204,18 +217,29 @@ def tables(cells: dict[tuple[str, int, float], Cell], runs: int) -> dict[str, ob
     print(
         f"Calibrated against the source: {theirs_over.min():.1f} to {theirs_over.max():.1f} times better (median "
         f"{np.median(theirs_over):.1f}); against the 12 elements here: {ours_over.min():.1f} to {ours_over.max():.1f} "
-        f"(median {np.median(ours_over):.1f})."
+        f"(median {np.median(ours_over):.1f}), 3 times or more in {(ours_over >= 3).sum()} cells."
+    )
+    each = [limit_over.reshape(len(SOURCE), len(NAMES), -1)[:, row] for row in range(len(NAMES))]
+    print(
+        f"The Cramer-Rao bounds of the two are {limit_over.min():.1f} to {limit_over.max():.1f} times apart (median "
+        f"{np.median(limit_over):.1f}; 3 times or more in {(limit_over >= 3).sum()} cells): "
+        + ", ".join(f"{name} {one.min():.1f} to {one.max():.1f}" for name, one in zip(NAMES, each, strict=True)) + "."
+    )
+    print(
+        f"Measured over that, cell by cell: {off.min():.2f} to {off.max():.2f}, {np.exp(np.log(off).mean()):.3f} in the mean "
+        f"(of {runs} runs each, chance alone scatters it by up to {1.0 / math.sqrt(runs - 1):.2f})."
     )
     return {
         "cells_below": below, "cells": total, "least_gain_source": float(theirs_over.min()),
         "least_gain": float(ours_over.min()), "median_gain": float(np.median(ours_over)),
+        "median_gain_of_bounds": float(np.median(limit_over)),
     }
 
 
-def sorted_spread(cell: Cell) -> list[float]:
+def by_size(spread: Array) -> list[float]:
     """Standard deviations of X0, Y0, Z0 [m] and of the three angles [deg], largest first."""
-    spread = [float(v) for v in cell.spread]
-    return spread[:3] + sorted(spread[3:], reverse=True)
+    values = [float(v) for v in spread]
+    return values[:3] + sorted(values[3:], reverse=True)
 
 
 def consistency(cells: dict[tuple[str, int, float], Cell], runs: int) -> dict[str, object]:

@@ -96,7 +96,8 @@ def look_at_elements(
 ) -> EpochSight:
     """Decide for each element what this epoch shows. Raises BimVerifyError when no return comes near the model.
 
-    ``parts`` names elements that are parts of others; ``place`` [m] is the least registration sigma where none is given.
+    ``parts`` names elements that are parts of others; ``place`` [m], of a block of photos that nothing fixes, is the least
+    registration sigma where none is given.
     """
     thresholds = Thresholds()
     surfaces = ElementSurfaces(model)
@@ -113,7 +114,7 @@ def look_at_elements(
             "register the scan."
         )
     errors = estimate_errors(seen, samples, sigma, window, len(stations.stations), registration_sigma)
-    place_open = registration_sigma is None and 2.0 * place > window
+    place_open = place > 0.0 and 2.0 * (place if registration_sigma is None else registration_sigma) > window
     registration_sigma = max(errors.registration.sigma, place) if registration_sigma is None else registration_sigma
     context = Context(
         loa=LOA, sigma=sigma, registration_sigma=registration_sigma, errors=errors, window=window,

@@ -106,18 +106,23 @@ def _adopt(
                         break
 
 
-def compare(world: Universe, epoch: Observation, reference: Observation | None) -> NDArray[np.uint8]:
+def compare(
+    world: Universe, epoch: Observation, reference: Observation | None, place_open: bool = False
+) -> NDArray[np.uint8]:
     """(B, 512) CONFIRMED, NEW, DISAPPEARED or UNKNOWN; NOTHING for voxels of no interest to these two.
 
     Against the model alone, every planned voxel counts as occupied before and every other one as empty, except beside a
     planned surface, where the tolerance of building decides nothing. With a reference epoch its voxels take that place;
-    where it saw nothing, the model does.
+    where it saw nothing, the model does. Where ``place_open``, one of the two may be off by more than a planned surface is
+    wide, and nothing is new or gone.
     """
     state = np.empty(epoch.state.shape, np.uint8)
     for begin in range(0, len(state), ROWS):
         rows = slice(begin, begin + ROWS)
         was = None if reference is None else reference.state[rows]
         state[rows] = _compare(world.planned[rows], world.element[rows] >= 0, world.wanted[rows], epoch.state[rows], was)
+    if place_open:
+        state[(state == NEW) | (state == DISAPPEARED)] = UNKNOWN
     return state
 
 

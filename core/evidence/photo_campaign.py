@@ -41,6 +41,12 @@ def place_sigma(blocks: Sequence[BlockPoints]) -> float:
     return max((b.place_sigma for b in blocks), default=0.0)
 
 
+def scale_sigma(blocks: Sequence[BlockPoints]) -> float:
+    """Of the least certain scale of a block that no control and no model fixes, as a share of any length: what its cameras'
+    positions leave open if their errors are independent. Zero where all are fixed."""
+    return max((b.scale_sigma for b in blocks), default=0.0)
+
+
 def adjusted_freely(place: float, stated: float | None = None) -> str:
     """What a block that nothing fixes means, and what to do, without a full stop; ``place`` [m] counts for it, or what was
     ``stated`` [m]."""

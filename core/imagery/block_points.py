@@ -43,6 +43,12 @@ class BlockPoints:
     """Of the place of the whole block where nothing but the given poses says it: metres per axis."""
 
     @property
+    def scale_sigma(self) -> float:
+        """Of a block's scale where nothing but the given positions of its cameras says it, their errors being independent."""
+        position = np.array([c.position for c in self.cameras])
+        return self.place_sigma / float(np.linalg.norm(position - position.mean(axis=0))) if self.place_sigma else 0.0
+
+    @property
     def sigma(self) -> Floats:
         """(M,) standard deviation per axis, sqrt(trace / 3)."""
         return np.asarray(np.sqrt(np.einsum("pii->p", self.covariance) / 3.0))

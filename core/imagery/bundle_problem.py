@@ -9,10 +9,13 @@ from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
 from .camera import Camera, Interior
+from .cameras_file import FARTHEST_COORDINATE_M
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+FARTHEST_PX = 1e6
+LEAST_SIGMA, LARGEST_SIGMA = 1e-9, 1e6
 INSIDE_NAMES = ("f", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 
 
@@ -65,14 +68,26 @@ class BundleProblem:
             raise BimVerifyError("A bundle adjustment needs cameras, points and observations; one of them is missing.")
         for name, index, size in (("camera", o.camera, c), ("point", o.point, m), ("point", self.control.point, m)):
             if len(index) and (index.min() < 0 or index.max() >= size):
-                raise BimVerifyError(f"An observation names {name} {int(index.max())}, but there are {size}.")
+                wrong = int(index.max() if index.max() >= size else index.min())
+                raise BimVerifyError(f"An observation names {name} {wrong}; they are numbered 0 to {size - 1}.")
         if unknown := set(self.free) - set(INSIDE_NAMES):
             raise BimVerifyError(f"{', '.join(sorted(unknown))} cannot be calibrated; choose from {', '.join(INSIDE_NAMES)}.")
         poses = [*(k.rotation for k in self.cameras), *(k.position for k in self.cameras)]
         if not all(np.isfinite(a).all() for a in (self.points, o.pixel, self.control.coordinates, *poses)):
             raise BimVerifyError("The project holds numbers that are not finite; take those points or cameras out.")
-        if not ((o.sigma > 0).all() and (self.control.sigma > 0).all()):
-            raise BimVerifyError("Every observation needs a standard deviation larger than zero.")
+        places = (self.points, self.control.coordinates, *(k.position for k in self.cameras))
+        far = max(float(np.abs(place).max(initial=0.0)) for place in places)
+        if far > FARTHEST_COORDINATE_M or np.abs(o.pixel).max() > FARTHEST_PX:
+            raise BimVerifyError(
+                f"The project holds coordinates beyond {FARTHEST_COORDINATE_M:g} m or pixels beyond {FARTHEST_PX:g}; take "
+                "those points or cameras out."
+            )
+        for sigma in (o.sigma, self.control.sigma):
+            if not ((sigma >= LEAST_SIGMA) & (sigma <= LARGEST_SIGMA)).all():
+                raise BimVerifyError(
+                    "Every observation needs a standard deviation larger than zero, pixels or metres: "
+                    f"{LEAST_SIGMA:g} to {LARGEST_SIGMA:g}."
+                )
         index, times = np.unique(self.control.point, return_counts=True)
         if (times > 1).any():
             raise BimVerifyError(f"The control points name point {index[times > 1][0]} twice; give each point once.")

@@ -119,9 +119,9 @@ def _own(content: dict[str, Any], cameras: tuple[Camera, ...], source: Path, sig
     inside_of = np.array([interiors.index(c.interior) for c in cameras], dtype=np.int64)
     points = numbers_list(content.get("points"), 3, f"{source}: points")
     rows = numbers_list(content.get("observations"), (4, 5), f"{source}: observations")
-    index = rows[:, :2].astype(np.int64)
-    if len(rows) and (rows[:, :2] != index).any():
+    if (np.abs(rows[:, :2]) > MOST_OBSERVATIONS).any() or (rows[:, :2] % 1 != 0).any():
         raise BimVerifyError(f"{source}: an observation's camera and point must be whole numbers (rows of the lists).")
+    index = rows[:, :2].astype(np.int64)
     spread = rows[:, 4] if rows.shape[1] == 5 else np.full(len(rows), sigma)
     observed = ImageObservations(index[:, 0], index[:, 1], np.ascontiguousarray(rows[:, 2:4]), spread)
     return BundleProblem(cameras, interiors, inside_of, points, observed)
@@ -148,7 +148,7 @@ def _control(content: dict[str, Any], source: Path, points: int) -> Control:
         where = f"Control point {number + 1} of {source.name}"
         place = numbers(entry.get("coordinates"), (3,)) if isinstance(entry, dict) else None
         row = entry.get("point") if isinstance(entry, dict) else None
-        if place is None or not isinstance(row, int) or not 0 <= row < points:
+        if place is None or not isinstance(row, int) or isinstance(row, bool) or not 0 <= row < points:
             raise BimVerifyError(f"{where} needs a point (0 to {points - 1}) and coordinates [x, y, z] in metres.")
         sigma = numbers(entry.get("sigma_m"), (3,))
         if sigma is None:

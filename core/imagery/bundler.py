@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..errors import BimVerifyError
 from .bundle_problem import BundleProblem, ImageObservations
 from .camera import PHOTOGRAMMETRIC, Camera, Interior
-from .cameras_file import LARGEST_FILE, check_lens
+from .cameras_file import LARGEST_FILE, check_lens, proper_rotation
 
 MARK = "# Bundle file v"
 CAMERA_ROWS = 5
@@ -37,7 +37,7 @@ def read_bundler(path: str | Path, sigma: float, size: Floats | None = None) -> 
         raise BimVerifyError(f"{source} is no Bundler file; its first line must begin with {MARK!r}.")
     try:
         return _problem(lines[1:], sigma, size, _names(source), source.name)
-    except (ValueError, IndexError) as error:
+    except (ValueError, IndexError, OverflowError) as error:
         raise BimVerifyError(f"{source} is cut off or damaged ({error}); export it again.") from error
 
 
@@ -72,13 +72,13 @@ def _problem(lines: list[str], sigma: float, size: Floats | None, names: list[st
     cameras, used = [], []
     for k in range(images):
         (f, k1, k2), *turns, shift = table[CAMERA_ROWS * k : CAMERA_ROWS * (k + 1)]
-        turn = np.array(turns).reshape(3, 3)
-        used.append(f > 0)
-        if f <= 0:
+        used.append(f != 0)
+        if f == 0:
             continue  # not aligned
         lens = Interior(width, height, f, f, middle[0], middle[1], (k1, k2, 0.0, 0.0, 0.0))
         name = names[k] if k < len(names) else f"image {k}"
         check_lens(lens, f"{where}, camera {k}")
+        turn = proper_rotation(np.array(turns).reshape(3, 3), f"{where}, camera {k}")
         cameras.append(Camera(name, lens, PHOTOGRAMMETRIC @ turn, -turn.T @ shift))
     renumbered = np.cumsum(used) - 1
     kept = np.array(used)[seen]

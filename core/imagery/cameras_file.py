@@ -23,6 +23,8 @@ FARTHEST_COORDINATE_M = 1e8
 POSITION_SIGMA_M = 0.15
 ROTATION_SIGMA_RAD = math.radians(1.0)
 """Of a coarse pose whose file does not say it."""
+ROUNDING = 1e-4
+LARGEST_NUMBER = 1e300
 LEAST_SIGMA, LARGEST_SIGMA = 1e-6, 1e4
 """Of a pose, metres or degrees."""
 DISTORTION = ("k1", "k2", "p1", "p2", "k3")
@@ -58,6 +60,19 @@ def camera_of(path: str | Path, names: Sequence[str]) -> int:
     if not found:
         raise BimVerifyError(f"There is no camera for the image {Path(path).name}; cameras are named like {names[0]}.")
     return found[0]
+
+
+def cameras_of(paths: Sequence[str | Path], names: Sequence[str]) -> list[int]:
+    """Rows of the cameras of image files among their ``names``. BimVerifyError unless each image has one of its own."""
+    rows = [camera_of(path, names) for path in paths]
+    for number, row in enumerate(rows):
+        if row in rows[:number]:
+            first = Path(paths[rows.index(row)])
+            raise BimVerifyError(
+                f"{first} and {paths[number]} are both taken for the camera {names[row]}; name every image once, and give "
+                "cameras of images in folders the folder's name too."
+            )
+    return rows
 
 
 def read_cameras(path: str | Path, position_sigma: float | None = None, rotation_sigma: float | None = None) -> CameraList:
@@ -117,16 +132,13 @@ def read_interior(value: Any, where: str) -> Interior:
     if not isinstance(value, dict):
         raise BimVerifyError(f"{where} has no interior orientation; give its width, height and f in pixels.")
     width, height = number(value, "width", where), number(value, "height", where)
-    if not (1 <= width <= LARGEST_SIDE_PX and 1 <= height <= LARGEST_SIDE_PX and width % 1 == 0 and height % 1 == 0):
-        raise BimVerifyError(f"{where}: width and height must be whole pixels, 1 to {LARGEST_SIDE_PX}.")
     if "f_mm" in value:
         number(value, "sensor_width_mm", where)
         f = number(value, "f_mm", where) / positive(value, "sensor_width_mm", where, 1.0) * width
     else:
         f = number(value, "f" if "f" in value else "fx", where)
     fy = number(value, "fy", where) if "fy" in value else f
-    if not (0.05 * width < f < 1000 * width and 0.05 * width < fy < 1000 * width):
-        raise BimVerifyError(f"{where}: a focal length of {f:g} pixels does not go with an image {width:g} pixels wide.")
+    _check_size(width, height, f, fy, where)
     cx = number(value, "cx", where) if "cx" in value else (width - 1) / 2
     cy = number(value, "cy", where) if "cy" in value else (height - 1) / 2
     k1, k2, p1, p2, k3 = (number(value, name, where) if name in value else 0.0 for name in DISTORTION)
@@ -136,13 +148,23 @@ def read_interior(value: Any, where: str) -> Interior:
 
 
 def check_lens(interior: Interior, where: str) -> None:
-    """Raise BimVerifyError when the distortion folds within the image, so that it cannot be taken out."""
+    """Raise BimVerifyError when size and focal length cannot be those of a lens, or when the distortion folds within the image,
+    so that it cannot be taken out."""
+    _check_size(interior.width, interior.height, interior.fx, interior.fy, where)
     w, h = interior.width - 1.0, interior.height - 1.0
     rim = np.array([[x * w, y * h] for x in (0.0, 0.25, 0.5, 0.75, 1.0) for y in (0.0, 0.5, 1.0)])
     with np.errstate(over="ignore", invalid="ignore"):
         back = interior.distort(interior.undistort(rim))
     if not np.isfinite(back).all() or np.abs(back - rim).max() > 0.01:
         raise BimVerifyError(f"{where}: the lens distortion cannot be inverted within the image; check its coefficients.")
+
+
+def _check_size(width: float, height: float, fx: float, fy: float, where: str) -> None:
+    if not (1 <= width <= LARGEST_SIDE_PX and 1 <= height <= LARGEST_SIDE_PX and width % 1 == 0 and height % 1 == 0):
+        raise BimVerifyError(f"{where}: width and height must be whole pixels, 1 to {LARGEST_SIDE_PX}.")
+    for f in (fx, fy):
+        if not 0.05 * width < f < 1000 * width:
+            raise BimVerifyError(f"{where}: a focal length of {f:g} pixels does not go with an image {width:g} pixels wide.")
 
 
 def _known(
@@ -182,10 +204,9 @@ def _rotation(entry: dict[str, Any], where: str) -> Vector:
     """World to camera (x right, y down, z forward)."""
     if "rotation" in entry:
         turn = numbers(entry["rotation"], (3, 3))
-        if turn is None or np.abs(turn @ turn.T - np.eye(3)).max() > 1e-4 or np.linalg.det(turn) < 0:
+        if turn is None:
             raise BimVerifyError(f"{where} has a rotation that is no 3 x 3 rotation matrix.")
-        left, _, right = np.linalg.svd(turn)
-        return np.asarray(left @ right)
+        return proper_rotation(turn, where)
     if "omega_phi_kappa_deg" in entry:
         angles = numbers(entry["omega_phi_kappa_deg"], (3,))
         if angles is None:
@@ -198,6 +219,14 @@ def _rotation(entry: dict[str, Any], where: str) -> Vector:
             raise BimVerifyError(f"{where}: quaternion_wxyz must be four numbers, of length one.")
         return rotation_of_quaternion(q)
     raise BimVerifyError(f"{where} has no direction; give rotation, omega_phi_kappa_deg or quaternion_wxyz.")
+
+
+def proper_rotation(turn: Vector, where: str) -> Vector:
+    """The rotation nearest to a matrix (3, 3) that is one but for rounding. Raises BimVerifyError where it is none."""
+    if not np.isfinite(turn).all() or np.abs(turn @ turn.T - np.eye(3)).max() > ROUNDING or np.linalg.det(turn) < 0:
+        raise BimVerifyError(f"{where} has a rotation that is no 3 x 3 rotation matrix.")
+    left, _, right = np.linalg.svd(turn)
+    return np.asarray(left @ right)
 
 
 def rotation_of_quaternion(wxyz: Vector) -> Vector:
@@ -220,7 +249,7 @@ def numbers(value: Any, shape: tuple[int, ...]) -> Vector | None:
 def number(entry: dict[str, Any], key: str, where: str) -> float:
     """A finite number of an object; BimVerifyError if it is none."""
     value = entry.get(key)
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= LARGEST_NUMBER:
         raise BimVerifyError(f"{where}: {key} must be a number, not {str(value)[:40]!r}.")
     return float(value)
 

@@ -58,7 +58,7 @@ def read_colmap(folder: str | Path, sigma: float) -> BundleProblem:
             lenses = dict(_cameras_text(_lines(data["cameras"])))
             images = list(_images_text(_lines(data["images"], keep_empty=True)))
             ids, points = _points_text(_lines(data["points3D"]))
-    except (struct.error, ValueError, IndexError, UnicodeDecodeError) as error:
+    except (struct.error, ValueError, IndexError, OverflowError, UnicodeDecodeError) as error:
         raise BimVerifyError(f"{place} is no COLMAP model that can be read ({str(error)[:80]}); export it again.") from error
     if not images or not len(points):
         raise BimVerifyError(f"{place} holds no images or no points; there is nothing to adjust.")

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import BimVerifyError
 from .camera import Camera, Interior
-from .cameras_file import LARGEST_FILE, check_lens, numbers
+from .cameras_file import LARGEST_FILE, check_lens, numbers, proper_rotation
 
 LARGEST_SHEAR_PX = 0.05
 
@@ -38,41 +38,46 @@ def read_metashape_cameras(path: str | Path) -> tuple[Camera, ...]:
     if chunk is None or chunk.find("cameras") is None:
         raise BimVerifyError(f"{source} holds no cameras; export them from Metashape as Agisoft XML.")
     lenses = {s.get("id"): s for s in chunk.iterfind("sensors/sensor")}
-    scale, turn, shift = _frame(chunk)
+    scale, turn, shift = _frame(chunk, source.name)
     cameras = []
     for entry in chunk.iterfind("cameras//camera"):
-        matrix = _numbers(entry.find("transform"), (4, 4))
+        name = str(entry.get("label") or "")[:1000]
+        where = f"{source.name}, camera {name[:80]!r}"
+        matrix = _numbers(entry.find("transform"), (4, 4), where)
         if matrix is None:
             continue
-        name = str(entry.get("label") or "")[:1000]
         sensor = lenses.get(entry.get("sensor_id"))
         if sensor is None:
             raise BimVerifyError(f"{source}: the camera {name[:80]!r} has no sensor; export the cameras again.")
-        rotation = (turn @ matrix[:3, :3]).T
-        left, _, right = np.linalg.svd(rotation)
+        rotation = (turn @ proper_rotation(matrix[:3, :3], where)).T
         position = scale * turn @ matrix[:3, 3] + shift
-        cameras.append(Camera(name, _lens(sensor, f"{source.name}, sensor of {name[:80]!r}"), left @ right, position))
+        cameras.append(Camera(name, _lens(sensor, f"{source.name}, sensor of {name[:80]!r}"), rotation, position))
     if not cameras:
         raise BimVerifyError(f"{source} holds no aligned cameras.")
     return tuple(cameras)
 
 
-def _frame(chunk: ElementTree.Element) -> tuple[float, np.ndarray, np.ndarray]:
+def _frame(chunk: ElementTree.Element, where: str) -> tuple[float, np.ndarray, np.ndarray]:
     """From the chunk to the world: scale, rotation (3, 3), translation (3,)."""
-    rotation = _numbers(chunk.find("transform/rotation"), (3, 3))
-    translation = _numbers(chunk.find("transform/translation"), (3,))
-    scale = _numbers(chunk.find("transform/scale"), (1,))
+    rotation = _numbers(chunk.find("transform/rotation"), (3, 3), where)
+    translation = _numbers(chunk.find("transform/translation"), (3,), where)
+    scale = _numbers(chunk.find("transform/scale"), (1,), where)
+    if scale is not None and scale[0] <= 0:
+        raise BimVerifyError(f"{where} has a scale that is not larger than zero; export the cameras again.")
     return (
-        1.0 if scale is None else float(scale[0]), np.eye(3) if rotation is None else rotation,
+        1.0 if scale is None else float(scale[0]), np.eye(3) if rotation is None else proper_rotation(rotation, where),
         np.zeros(3) if translation is None else translation,
     )
 
 
-def _numbers(element: ElementTree.Element | None, shape: tuple[int, ...]) -> Any:
-    if element is None or not element.text:
+def _numbers(element: ElementTree.Element | None, shape: tuple[int, ...], where: str) -> Any:
+    """What an element holds, None where there is none; BimVerifyError where it cannot be read."""
+    if element is None or not element.text or not element.text.strip():
         return None
     flat = numbers(element.text.split(), (int(np.prod(shape)),))
-    return None if flat is None else flat.reshape(shape)
+    if flat is None:
+        raise BimVerifyError(f"{where} has a {element.tag} that cannot be read ({element.text[:40]!r}); export it again.")
+    return flat.reshape(shape)
 
 
 def _lens(sensor: ElementTree.Element, where: str) -> Interior:
@@ -86,7 +91,7 @@ def _lens(sensor: ElementTree.Element, where: str) -> Interior:
         raise BimVerifyError(f"{where} is no frame camera; only those are supported.")
 
     def value(name: str) -> float:
-        found = _numbers(calibration.find(name), (1,))
+        found = _numbers(calibration.find(name), (1,), where)
         return 0.0 if found is None else float(found[0])
 
     try:
@@ -94,8 +99,6 @@ def _lens(sensor: ElementTree.Element, where: str) -> Interior:
     except ValueError as error:
         raise BimVerifyError(f"{where} has no resolution in pixels.") from error
     f = value("f")
-    if width < 1 or height < 1 or f <= 0:
-        raise BimVerifyError(f"{where} has no resolution or focal length in pixels.")
     if abs(value("b2")) > LARGEST_SHEAR_PX or value("k4") or value("p3") or value("p4"):
         raise BimVerifyError(f"{where} uses b2, k4, p3 or p4, which are not supported; calibrate without them.")
     lens = Interior(

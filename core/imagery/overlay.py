@@ -12,7 +12,7 @@ from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
 from .camera import Camera
-from .read_image import eight_bits
+from .read_image import eight_bits, opened_image
 from .register_image import ImageRegistration
 from .visible_edges import VisibleEdges
 
@@ -44,9 +44,9 @@ def overlay_pair(path: str | Path, found: ImageRegistration) -> Markup:
 
 
 def _picture(path: str | Path, draw_on: Any) -> str:
-    from PIL import Image, ImageDraw
+    from PIL import ImageDraw
 
-    with Image.open(path) as image:
+    with opened_image(Path(path)) as image:
         scale = min(WIDTH_PX / image.width, 1.0)
         small = eight_bits(image).convert("RGB").resize((round(image.width * scale), round(image.height * scale)))
     draw_on(ImageDraw.Draw(small), scale)

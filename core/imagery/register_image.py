@@ -143,7 +143,7 @@ def register_image(
     used = sum(m.kept for m in matches)
     few = used < LEAST_SURE - len(weak)
     runner_up = _rival(viewer, lines, settled, others, coarse, model_sigma, focal)
-    chance = 1.0 if few else _by_chance(after, lines, estimate, coarse, model_sigma, seed)
+    chance = 1.0 if few else _by_chance(viewer, lines, settled, coarse, model_sigma, focal, seed)
     share = f"lines account for {explained:.0%} of the edges that should show"
     note = ""
     if few:
@@ -248,24 +248,38 @@ def _differ(pose: Camera, other: Camera, covariance: Vector) -> float:
 
 
 def _by_chance(
-    edges: VisibleEdges, lines: ImageLines, found: PoseEstimate, coarse: KnownCamera, model_sigma: float, seed: int
+    viewer: EdgeViewer, lines: ImageLines, found: _Settled, coarse: KnownCamera, model_sigma: float, focal: bool, seed: int
 ) -> float:
     """The most that poses explain which are drawn around the ``found`` one and are not the same, as a share of what it does.
 
-    Those are the same that come back to it, or differ by what its covariance leaves open.
+    Those are the same that come back to it, or differ by what its covariance leaves open. One that explains too much is
+    followed to its end before it is judged: adjusted as the found pose was, by the edges that it sees itself.
     """
-    edges = edges.rows(np.argsort(-edges.length_px, kind="stable")[:CHANCE_EDGES])
-    best = match_lines(edges, lines, replace(coarse, camera=found.camera), model_sigma)
+    center = found.estimate.camera
+    edges = found.seen.rows(np.argsort(-found.seen.length_px, kind="stable")[:CHANCE_EDGES])
+    best = match_lines(edges, lines, replace(coarse, camera=center), model_sigma)
     if best is None:
         return 1.0
     rng = np.random.default_rng((seed, 31))
-    most = 0.0
+    drawn: list[tuple[float, KnownCamera]] = []
     for _ in range(CHANCE_POSES):
-        camera = found.camera.moved(rng.normal(0, coarse.rotation_sigma, 3), rng.normal(0, coarse.position_sigma, 3))
+        camera = center.moved(rng.normal(0, coarse.rotation_sigma, 3), rng.normal(0, coarse.position_sigma, 3))
         matched = match_lines(edges, lines, replace(coarse, camera=camera), model_sigma)
-        if matched is not None and not _is(matched[0].camera, found):
-            most = max(most, matched[2])
-    return most / best[2]
+        if matched is not None and not _is(matched[0].camera, found.estimate):
+            drawn.append((matched[2] / best[2], matched[0]))
+    explained = _explained(found, lines, coarse, model_sigma)
+    most = 0.0
+    for share, pose in drawn:
+        if share > MOST_BY_CHANCE and explained > 0.0:
+            try:
+                other = _settle(viewer, lines, pose, coarse, model_sigma, focal)
+            except BimVerifyError:
+                pass
+            else:
+                same = _one_place(other.estimate, found.estimate)
+                share = 0.0 if same else _explained(other, lines, coarse, model_sigma) / explained
+        most = max(most, share)
+    return most
 
 
 def _reach(coarse: KnownCamera, depth: float = 2.0) -> float:

@@ -6,9 +6,8 @@ images are taken in rounds, those that could be placed first.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from ..errors import BimVerifyError
 from ..progress import Progress
 from .bundle import BundleResult, Term, adjust_bundle
 from .bundle_problem import BundleProblem
-from .cameras_file import KnownCamera, camera_of
+from .cameras_file import KnownCamera
 from .coregistration import is_placed
 from .detect_lines import ImageLines
 from .edge_bearers import together
@@ -105,12 +104,3 @@ def _edges(camera: int, found: ImageRegistration, origin: np.ndarray) -> ImageEd
     return ImageEdges(
         camera, LineMatches(line, cov, edge[:, 0], edge[:, 1], nothing, nothing), together([m.bearers for m in kept])
     )
-
-
-def names_of(problem: BundleProblem, images: Sequence[str | Path]) -> list[int]:
-    """Numbers of the cameras of image files, by their names. Raises BimVerifyError for one that is not in the block."""
-    names = [c.name for c in problem.cameras]
-    rows = [camera_of(image, names) for image in images]
-    if len(set(rows)) < len(rows):
-        raise BimVerifyError("Two of the images are taken for one camera of the project; name every image once.")
-    return rows

@@ -14,12 +14,13 @@ from ... import __version__
 from ..imagery.bundle import BundleResult, adjust_bundle
 from ..imagery.bundle_problem import BundleProblem
 from ..imagery.bundle_project import read_project
+from ..imagery.cameras_file import cameras_of
 from ..imagery.coregistration import state_of
 from ..imagery.detect_lines import Detector, detect_lines
 from ..imagery.determined import determined
 from ..imagery.model_edges import sharp_edges
 from ..imagery.read_image import read_grey
-from ..imagery.series import SeriesResult, adjust_series, names_of
+from ..imagery.series import SeriesResult, adjust_series
 from ..imagery.visible_edges import EdgeViewer
 from ..model.elements import BuildingModel
 from ..model.load import load_model
@@ -88,7 +89,7 @@ def bundle(
 def _series(
     problem: BundleProblem, edges: ModelEdges, robust: bool, threads: int, memory_gb: float, progress: Progress
 ) -> SeriesResult:
-    numbers = names_of(problem, edges.images)
+    numbers = cameras_of(edges.images, [c.name for c in problem.cameras])
     model = edges.model
     if not isinstance(model, BuildingModel):
         model = load_model(model, threads=threads, progress=progress.part(0.0, 0.2))

@@ -151,15 +151,16 @@ def _compare(
     day = parse_date(options.date or now.date)
     undated = day is None and any(p.dated for p in plans)
     days = [*(parse_date(v.date) for v in views[:-1]), day]
-    state = _states(world, seen[-1], seen[0] if before else None)
+    last = len(views) - 1
+    state = _states(world, views, seen, last, 0 if before else None)
     anything = np.zeros(state.shape, np.bool_)
     for epoch in seen:
         anything |= epoch.state != UNSEEN
     first: Absent | None = None
     weight = [float(v) or 1e-3 for v in solids.volume]
     alone, with_model, series = [], [], []
-    for view, epoch, its_day in zip(views, seen, days, strict=True):
-        of_view = state if view is now and before is None else _states(world, epoch, None)
+    for n, (view, epoch, its_day) in enumerate(zip(views, seen, days, strict=True)):
+        of_view = state if n == last and before is None else _states(world, views, seen, n, None)
         with_model.append(count_states(of_view, anything, (view.name, MODEL)))
         gone = Absent.of(world, of_view)
         found = amounts(world, gone, None, epoch, len(model.elements))
@@ -179,10 +180,11 @@ def _compare(
         n for n, e in enumerate(planned_now) if e.state == "PARTIAL" and not e.moved and e.disappeared_ratio > 0
     )
     cloud = voxel_cloud(world, state, anything, gone.cells)
-    named = [(v.name, o) for v, o in zip(views, seen, strict=True)]
-    clusters, left_out = find_clusters(
-        model, world, cloud, named[1:] if has_reference else named, seen[0] if has_reference else None
-    )
+    telling = [
+        (v.name, o) for v, o in list(zip(views, seen, strict=True))[int(has_reference) :]
+        if v is now or not (v.sight.place_open or now.sight.place_open)
+    ]
+    clusters, left_out = find_clusters(model, world, cloud, telling, seen[0] if has_reference else None)
     anchor = solids.grid.anchor + model.origin
     records = [
         replace(_record(model, v), states=tuple(e.state for e in found), progress=groups)
@@ -203,9 +205,13 @@ def _compare(
     )
 
 
-def _states(world: Universe, epoch: Observation, reference: Observation | None) -> NDArray[np.uint8]:
-    state = compare(world, epoch, reference)
-    close_gone(world, epoch, state)
+def _states(
+    world: Universe, views: list[_View], seen: list[Observation], epoch: int, reference: int | None
+) -> NDArray[np.uint8]:
+    """(B, 512) between two epochs by their numbers, or an epoch and the model."""
+    place_open = any(views[n].sight.place_open for n in (epoch, reference) if n is not None)
+    state = compare(world, seen[epoch], None if reference is None else seen[reference], place_open)
+    close_gone(world, seen[epoch], state)
     return state
 
 
@@ -218,7 +224,7 @@ def _voxel_counts(
     pairs = [(n, n - 1) for n in range(1, len(views))] + ([(last, 0)] if last > 1 else [])
     main = count_states(state, shown, (views[-1].name, views[0].name if has_reference else MODEL))
     others = [
-        count_states(_states(world, seen[n], seen[m]), shown, (views[n].name, views[m].name))
+        count_states(_states(world, views, seen, n, m), shown, (views[n].name, views[m].name))
         for n, m in pairs if not (has_reference and (n, m) == (last, 0))
     ]
     return main, *others, *(with_model if has_reference else with_model[:-1])
@@ -300,7 +306,11 @@ def _warnings(
     if (place := max(view.place for view in views)) > 0.0:
         yield f"{adjusted_freely(place, options.registration_sigma)}, or state --registration-sigma-mm."
         if any(view.sight.place_open for view in views):
-            yield "The place of a block of photos is known too badly for that: no element is called new, moved or gone."
+            names = ", ".join(view.name for view in views if view.sight.place_open)
+            yield (
+                f"The place of a block of photos is known too badly for that ({names}): no element is called new, moved or "
+                "gone, and no voxel or group new or gone."
+            )
     for view in views:
         share = view.occupied.sparse / max(view.occupied.count, 1)
         if share > 0.01:

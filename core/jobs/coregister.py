@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ... import __version__
 from ..errors import BimVerifyError
-from ..imagery.cameras_file import CameraList, KnownCamera, read_cameras, shifted
+from ..imagery.cameras_file import CameraList, KnownCamera, cameras_of, read_cameras, shifted
 from ..imagery.coregistration import CoregisterOptions, CoregistrationResult, is_placed
 from ..imagery.detect_lines import detect_lines
 from ..imagery.model_edges import sharp_edges
@@ -37,7 +37,8 @@ def coregister(
     if len({str(Path(p).resolve()) for p in images}) < len(images):
         raise BimVerifyError("An image is named twice; name every image once.")
     known = cameras if isinstance(cameras, CameraList) else read_cameras(cameras)
-    chosen = [known.of_image(path) for path in images]
+    rows = cameras_of(images, [k.camera.name for k in known.cameras])
+    chosen = [known.cameras[row] for row in rows]
     for path, one in zip(images, chosen, strict=True):
         check_image(path, (one.camera.interior.width, one.camera.interior.height))
     with limited_threads(options.threads):

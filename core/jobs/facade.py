@@ -16,7 +16,7 @@ from ..facade.footprint import Footprint, read_footprint
 from ..facade.mockup import Mockup, mockup
 from ..facade.read_facade import read_picture
 from ..facade.records import Facade
-from ..imagery.read_image import MOST_PIXELS, eight_bits
+from ..imagery.read_image import eight_bits, opened_image
 from ..progress import Progress
 
 Array = NDArray[np.float64]
@@ -128,26 +128,18 @@ def read_color(path: str | Path, memory_gb: float = 3.0) -> tuple[NDArray[np.uin
 
     Raises BimVerifyError where it is no image, or takes more memory than it may.
     """
-    from PIL import Image, ImageOps
+    from PIL import ImageOps
 
     source = Path(path)
-    try:
-        with Image.open(source) as image:
-            if image.width * image.height > MOST_PIXELS:
-                raise BimVerifyError(f"{source} has {image.width} x {image.height} pixels; {MOST_PIXELS:,} is the most.")
-            need = BASE_GB + 1e-9 * BYTES_A_PIXEL * image.width * image.height
-            if need > memory_gb:
-                raise BimVerifyError(
-                    f"{source} has {image.width} x {image.height} pixels and may take {need:.1f} GB; give a larger "
-                    f"--memory-gb than {memory_gb:g}, or a smaller photo."
-                )
-            stated = image.getexif().get_ifd(EXIF_TAG).get(FOCAL_35MM_TAG)
-            pixels = np.array(eight_bits(ImageOps.exif_transpose(image)).convert("RGB"), dtype=np.uint8)
-    except OSError as error:
-        reason = error.strerror or "unknown format"
-        raise BimVerifyError(f"Cannot read {source} as an image: {reason}. Check the file.") from error
-    except (Image.DecompressionBombError, ValueError, SyntaxError) as error:
-        raise BimVerifyError(f"Cannot read {source} as an image ({str(error)[:80]}). Export it again.") from error
+    with opened_image(source) as image:
+        need = BASE_GB + 1e-9 * BYTES_A_PIXEL * image.width * image.height
+        if need > memory_gb:
+            raise BimVerifyError(
+                f"{source} has {image.width} x {image.height} pixels and may take {need:.1f} GB; give a larger "
+                f"--memory-gb than {memory_gb:g}, or a smaller photo."
+            )
+        stated = image.getexif().get_ifd(EXIF_TAG).get(FOCAL_35MM_TAG)
+        pixels = np.array(eight_bits(ImageOps.exif_transpose(image)).convert("RGB"), dtype=np.uint8)
     if not isinstance(stated, int | float) or not 5 < stated < 1000:
         return pixels, None
     return pixels, float(stated) / FILM_MM * max(pixels.shape[:2])

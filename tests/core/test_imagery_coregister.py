@@ -6,12 +6,14 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from bim_verify.core.errors import BimVerifyError
+from bim_verify.core.imagery import register_image as placing
 from bim_verify.core.imagery.cameras_file import CameraList, KnownCamera, camera_to_plain, read_cameras
 from bim_verify.core.imagery.coregistration import CoregisterOptions, findings, refined_cameras, state_of
 from bim_verify.core.imagery.detect_lines import detect_lines
@@ -58,6 +60,37 @@ def test_a_photo_of_another_place_is_not_placed(photo, viewer) -> None:  # type:
     elsewhere = KnownCamera(replace(camera(), rotation=camera().rotation @ np.diag([-1.0, -1.0, 1.0])))
     found = register_image(viewer, detect_lines(photo, LENS), elsewhere, model_sigma=SIGMA)
     assert state_of(found) in ("FAILED", "AMBIGUOUS") and found.note
+
+
+def test_a_pose_drawn_by_chance_is_followed_to_its_end_before_it_counts(
+    photo: np.ndarray, viewer: EdgeViewer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    by_chance, match, settle = placing._by_chance, placing.match_lines, placing._settle
+    follow = True
+
+    def stopped_short(edges: Any, lines: Any, known: KnownCamera, sigma: float) -> Any:
+        found = match(edges, lines, known, sigma)
+        if found is None:
+            return None
+        return (replace(known, camera=found[0].camera.moved(np.zeros(3), np.array([0.05, 0.0, 0.0]))), *found[1:])
+
+    def settled(*where: Any) -> Any:
+        if follow:
+            return settle(*where)
+        raise BimVerifyError("not followed")
+
+    def half_way(*what: Any) -> float:
+        with monkeypatch.context() as patch:
+            patch.setattr(placing, "match_lines", stopped_short)
+            patch.setattr(placing, "_settle", settled)
+            return by_chance(*what)
+
+    monkeypatch.setattr(placing, "_by_chance", half_way)
+    lines, coarse = detect_lines(photo, LENS), KnownCamera(camera().moved(0.1 * COARSE[0], 0.1 * COARSE[1]), 0.02, 0.003)
+    states = {}
+    for follow in (True, False):
+        states[follow] = state_of(register_image(viewer, lines, coarse, model_sigma=SIGMA))
+    assert states[True] in ("REFINED", "PARTLY") and states[False] == "AMBIGUOUS"
 
 
 def test_lines_of_one_direction_leave_a_direction_that_is_named(photo, viewer) -> None:  # type: ignore[no-untyped-def]
@@ -112,12 +145,15 @@ def test_cameras_files_are_read_in_every_form_and_refused_in_a_sentence(tmp_path
         ({"position": [1, 2]}, "no position"), ({"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}, "no 3 x 3 rotation"),
         ({"interior": {"width": 640, "height": 480}}, "fx must be a number"),
         ({"interior": entry["interior"] | {"k1": -40.0}}, "cannot be inverted"), ({"position_sigma_m": 0}, "larger than zero"),
-        ({"position_sigma_m": 1e-200}, "must lie between"),
+        ({"position_sigma_m": 1e-200}, "must lie between"), ({"position_sigma_m": 10**400}, "must be a number"),
         ({"interior": {"width": 640, "height": 480, "f_mm": 26, "sensor_width_mm": 0}}, "sensor_width_mm must be larger"),
     ):
         path.write_text(json.dumps({"cameras": [entry | spoiled]}))
         with pytest.raises(BimVerifyError, match=sentence):
             read_cameras(path)
+    path.write_text('{"cameras": [1' + 5000 * "0" + "]}")
+    with pytest.raises(BimVerifyError, match="no JSON file that can be read"):
+        read_cameras(path)
 
 
 def test_what_is_no_image_is_refused_in_a_sentence(tmp_path: Path) -> None:

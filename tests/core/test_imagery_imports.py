@@ -146,9 +146,16 @@ def test_the_command_says_what_it_left_out_and_which_sigmas_it_gives(
 
 
 @pytest.mark.parametrize(("change", "sentence"), [
-    ({"observations": [[0, 0, 1]]}, "rows of 4 or 5 numbers"), ({"observations": [[99, 0, 1, 1]]}, "names camera 99"),
+    ({"observations": [[0, 0, 1]]}, "rows of 4 or 5 numbers"),
+    ({"observations": [[99, 0, 1, 1]]}, "names camera 99; they are numbered 0 to 7"),
+    ({"observations": [[-2, 0, 1, 1]]}, "names camera -2"), ({"observations": [[1e300, 0, 1, 1]]}, "whole numbers"),
+    ({"control": [{"point": True, "coordinates": [0, 0, 0]}]}, "needs a point"),
     ({"free": ["f", "zoom"]}, "zoom cannot be calibrated"), ({"control": [{"point": 900}]}, "needs a point"),
     ({"import": "nowhere"}, "neither a folder of COLMAP"), ({"sigma_px": -1}, "larger than zero"),
+    ({"sigma_px": 1e-300}, "1e-09 to 1e"), ({"sigma_px": 1e300}, "1e-09 to 1e"),
+    ({"control": [{"point": 0, "coordinates": [0, 0, 0], "sigma_m": 1e-200}]}, "1e-09 to 1e"),
+    ({"control": [{"point": 0, "coordinates": [1e300, 0, 0]}]}, r"beyond 1e\+08 m"),
+    ({"observations": [[0, 0, 1e300, 1]]}, r"pixels beyond 1e\+06"), ({"points": [[0, 1e200, 0]] * 900}, r"beyond 1e\+08 m"),
     ({"control": [{"point": 0, "coordinates": [0, 0, 0]}] * 2}, "names point 0, which is a control point already"),
 ])
 def test_projects_that_cannot_be_right_are_refused(tmp_path: Path, change: dict[str, Any], sentence: str) -> None:
@@ -166,6 +173,60 @@ def test_a_colmap_model_that_is_cut_off_is_refused(tmp_path: Path) -> None:
     (tmp_path / "project.json").write_text(json.dumps({"import": "sparse"}))
     with pytest.raises(BimVerifyError, match="no COLMAP model that can be read"):
         read_project(tmp_path / "project.json")
+
+
+@pytest.mark.parametrize(("old", "new", "sentence"), [
+    ("<k1>-0.02</k1>", "<k1>-0,02</k1>", "k1 that cannot be read"),
+    ("<scale>2</scale>", "<scale>0</scale>", "scale that is not"),
+    ("<scale>2</scale>", "<scale>two</scale>", "scale that cannot be read"),
+    ("<rotation>1 0 0", "<rotation>2 0 0", "no 3 x 3 rotation"),
+    ("<transform>1.0 0.0", "<transform>-1.0 0.0", "no 3 x 3 rotation"),
+    ("<f>1000</f>", "<f>-1000</f>", "focal length of -1000"), ('width="800"', 'width="8000000"', "whole pixels"),
+    ("<transform>1.0 0.0", "<transform>one 0.0", "transform that cannot be read"),
+])
+def test_a_metashape_file_with_numbers_that_cannot_be_right_is_refused(
+    tmp_path: Path, old: str, new: str, sentence: str
+) -> None:
+    text = f"""<document><chunk><sensors><sensor id="0"><resolution width="800" height="600"/>
+<calibration type="frame"><f>1000</f><k1>-0.02</k1></calibration></sensor></sensors>
+<transform><rotation>1 0 0 0 1 0 0 0 1</rotation><scale>2</scale></transform>
+<cameras><camera id="0" sensor_id="0" label="a"><transform>{' '.join(map(str, np.eye(4).ravel()))}</transform></camera>
+</cameras></chunk></document>"""
+    (tmp_path / "good.xml").write_text(text)
+    assert read_cameras(tmp_path / "good.xml").cameras[0].camera.interior.fx == 1000
+    (tmp_path / "bad.xml").write_text(text.replace(old, new))
+    assert text.replace(old, new) != text
+    with pytest.raises(BimVerifyError, match=sentence):
+        read_cameras(tmp_path / "bad.xml")
+
+
+@pytest.mark.parametrize(("old", "new", "sentence"), [
+    ("\n1 0 0\n", "\n1 0.5 0\n", "no 3 x 3 rotation"), ("\n1 0 0\n", "\n-1 0 0\n", "no 3 x 3 rotation"),
+    ("900 0 0", "-900 0 0", "focal length of -900"), ("900 0 0", "nan 0 0", "focal length of nan"),
+    ("2 0 0 1.0 2.0", "inf 0 0 1.0 2.0", "cut off or damaged"), ("2 0 0 1.0 2.0", "9 0 0 1.0 2.0", "cut off or damaged"),
+])
+def test_a_bundler_file_with_numbers_that_cannot_be_right_is_refused(
+    tmp_path: Path, old: str, new: str, sentence: str
+) -> None:
+    camera = "900 0 0\n1 0 0\n0 1 0\n0 0 1\n{} 0 0\n"
+    text = (
+        f"# Bundle file v0.3\n2 1\n{camera.format(0)}{camera.format(-1)}0.1 0.2 -5\n255 255 255\n2 0 0 1.0 2.0 1 0 3.0 4.0\n"
+    )
+    (tmp_path / "b.out").write_text(text)
+    assert len(read_project(tmp_path / "b.out").cameras) == 2
+    (tmp_path / "b.out").write_text(text.replace(old, new))
+    with pytest.raises(BimVerifyError, match=sentence):
+        read_project(tmp_path / "b.out")
+
+
+def test_a_colmap_track_of_impossible_length_is_refused(tmp_path: Path) -> None:
+    write_colmap(tmp_path / "sparse", bundle(0)[0], True)
+    points = tmp_path / "sparse" / "points3D.bin"
+    data = bytearray(points.read_bytes())
+    data[8 + 43 : 8 + 51] = b"\xff" * 8
+    points.write_bytes(bytes(data))
+    with pytest.raises(BimVerifyError, match="no COLMAP model that can be read"):
+        read_project(tmp_path / "sparse")
 
 
 def test_the_files_that_a_project_imports_are_never_written_to(tmp_path: Path) -> None:

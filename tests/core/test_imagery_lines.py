@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import struct
+import warnings
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +16,7 @@ from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.imagery.camera import Interior
 from bim_verify.core.imagery.detect_lines import detect_lines
 from bim_verify.core.imagery.model_edges import sharp_edges
-from bim_verify.core.imagery.read_image import read_grey
+from bim_verify.core.imagery.read_image import check_image, read_grey
 from bim_verify.core.imagery.visible_edges import EdgeViewer
 from bim_verify.core.jobs.facade import read_color
 from bim_verify.core.simulation.box_building import box, building_model
@@ -122,6 +125,23 @@ def test_a_line_where_elements_cut_through_each_other_is_seen() -> None:
         on = (np.abs(seen.start - [0, 4, height])[:, 1:] < 1e-6).all(axis=1) & (np.abs(seen.end[:, 2] - height) < 1e-6)
         assert np.linalg.norm(seen.end - seen.start, axis=1)[on].sum() > 4.0
     assert len(set(seen.line.tolist())) == len(seen)
+
+
+def test_large_photos_are_read_without_a_warning_and_larger_ones_refused(tmp_path: Path) -> None:
+    def header(side: int) -> Path:
+        path = tmp_path / f"{side}.png"
+        chunks = (b"IHDR" + struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0), b"IDAT" + bytes(8))
+        path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(
+            struct.pack(">I", len(c) - 4) + c + struct.pack(">I", zlib.crc32(c)) for c in chunks
+        ))
+        return path
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_image(header(12_000), (12_000, 12_000))
+    for side in (13_100, 14_000, 200_000):
+        with pytest.raises(BimVerifyError, match="170,000,000"):
+            check_image(header(side), (side, side))
 
 
 def test_grey_photos_of_16_bits_are_scaled_and_not_cut_off(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bim_verify.core.errors import BimVerifyError
-from bim_verify.core.imagery.cameras_file import camera_of
+from bim_verify.core.imagery.cameras_file import camera_of, cameras_of
 from bim_verify.core.imagery.image_names import image_beside, matching
 
 
@@ -28,6 +28,12 @@ def test_one_camera_or_a_sentence() -> None:
         camera_of("1.jpg", ["l/1.jpg", "r/1.jpg"])
     with pytest.raises(BimVerifyError, match=r"no camera for the image q\.jpg"):
         camera_of("q.jpg", ["a"])
+
+
+def test_each_image_has_a_camera_of_its_own() -> None:
+    assert cameras_of(["x/a.jpg", "b.jpg"], ["b", "a"]) == [1, 0]
+    with pytest.raises(BimVerifyError, match=r"x/a\.jpg and y/a\.jpg are both taken for the camera a;"):
+        cameras_of(["x/a.jpg", "b.jpg", "y/a.jpg"], ["b", "a"])
 
 
 def test_a_camera_finds_its_image_beside_the_file(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from bim_verify.core.imagery.camera import PHOTOGRAMMETRIC
 from bim_verify.core.imagery.free_net import FreeNet
 from bim_verify.core.imagery.line_pose import pose_difference
 from bim_verify.core.imagery.model_edges import sharp_edges
-from bim_verify.core.imagery.series import adjust_series, names_of
+from bim_verify.core.imagery.series import adjust_series
 from bim_verify.core.imagery.visible_edges import EdgeViewer
 from bim_verify.core.jobs.bundle import ModelEdges
 from bim_verify.core.jobs.bundle import bundle as run_bundle
@@ -66,13 +66,6 @@ def test_lines_in_two_images_take_the_drift_out_of_a_series() -> None:
     square = np.einsum("ci,cij,cj->c", away, np.linalg.inv(tied.bundle.pose_covariance), away)
     assert square.mean() < 20
     assert {g.name for g in tied.bundle.groups} >= {"tie points", "lines on edges"}
-
-
-def test_images_that_the_block_does_not_have_are_named() -> None:
-    problem, _ = bundle(0)
-    assert names_of(problem, ["c3"]) == [3]
-    with pytest.raises(BimVerifyError, match=r"no camera for the image other\.jpg"):
-        names_of(problem, ["other.jpg"])
 
 
 def test_a_block_of_cameras_at_one_place_has_no_scale() -> None:

@@ -5,19 +5,22 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from bim_verify.core.change.results import CONFIRMED, DISAPPEARED, NEW, UNKNOWN
 from bim_verify.core.commands.verify import summary_lines
 from bim_verify.core.evidence.photo_campaign import photo_campaign
 from bim_verify.core.imagery.cameras_file import camera_to_plain
-from bim_verify.core.jobs import change, quality, verify
+from bim_verify.core.jobs import change, quality, reconstruct, verify
 from bim_verify.core.model.raycast import RayScene
 from bim_verify.core.options import ChangeOptions, VerifyOptions
 from bim_verify.core.quality import assess
 from bim_verify.core.quality.options import QualityOptions
 from bim_verify.core.quality.prediction import NOISES_M, SPACINGS_M, ErrorTable
+from bim_verify.core.reconstruction import reconstruct as reconstruction
 from bim_verify.core.report.html import render_page
 from bim_verify.core.scans.open import open_scans
 from bim_verify.core.simulation.photo import looking
@@ -108,6 +111,47 @@ def test_nothing_is_gone_for_a_block_without_control_that_may_be_off(tmp_path: P
     believed = change(room(), [[off]], options=replace(options, registration_sigma=0.002))
     assert {e.state for e in believed.elements} & {"DISAPPEARED", "PARTIAL"}
     assert any("2.0 mm are counted for that, as you stated" in text for text in believed.warnings)
+    assert not found.clusters and believed.clusters
+    assert set(np.unique(found.voxels.state)) <= {UNKNOWN, CONFIRMED}
+    assert {NEW, DISAPPEARED} <= set(np.unique(believed.voxels.state))
+
+
+def test_voxels_and_groups_of_a_block_that_may_be_off_are_neither_new_nor_gone(tmp_path: Path) -> None:
+    options = ChangeOptions(voxel=0.04, sigma=SIGMA_M, sample_spacing=0.3, memory_gb=1.0, cache=False)
+    off, sure = moved_block(tmp_path / "off.json", (0.1, 0.1, 0.1), 0.15), project(tmp_path / "sure.json")
+    for reference, stated in ((None, 0.15), ([sure], None)):
+        found = change(room(), [[off]], reference, replace(options, registration_sigma=stated))
+        assert not found.clusters and not found.clusters_left_out
+        assert set(np.unique(found.voxels.state)) <= {UNKNOWN, CONFIRMED}
+        assert all(c.new == c.disappeared == 0 for c in found.voxel_counts if "epoch" in (c.epoch, c.against))
+        assert any("no voxel or group new or gone" in text and "(epoch)" in text for text in found.warnings)
+
+
+def test_a_block_that_may_be_off_says_nothing_of_groups_of_other_epochs(tmp_path: Path) -> None:
+    options = ChangeOptions(voxel=0.04, sigma=SIGMA_M, sample_spacing=0.3, memory_gb=1.0, cache=False)
+    off, last = moved_block(tmp_path / "off.json", (0.1, 0.1, 0.1), 0.15), project(tmp_path / "last.json", "table")
+    found, alone = (change(room(), epochs, options=options) for epochs in ([[off], [last]], [[last]]))
+    assert [(c.kind, c.voxels) for c in found.clusters] == [(c.kind, c.voxels) for c in alone.clusters]
+    assert found.clusters and {c.persistence for c in found.clusters} == {"unknown"}
+    assert not any("epoch 1" in c.epochs for c in found.clusters)
+    counts = {(c.epoch, c.against): c.new + c.disappeared for c in found.voxel_counts}
+    assert counts["epoch 2", "epoch 1"] == counts["epoch 1", "model"] == 0 < counts["epoch 2", "model"]
+
+
+def test_a_building_from_a_block_without_control_is_said_to_be_scaled_as_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reconstruction, "reconstruct", lambda *_: SimpleNamespace(warnings=[], timings={}))
+    free, fixed = project(tmp_path / "free.json", place_sigma=0.03), tmp_path / "fixed.json"
+    content = json.loads(free.read_text())
+    seen = sorted({row[1] for row in content["observations"]})
+    content["control"] = [{"point": k, "coordinates": content["points"][k]} for k in seen[:: len(seen) // 6]]
+    fixed.write_text(json.dumps(content))
+    said = reconstruct([free]).warnings
+    position = np.array([entry["position"] for entry in content["cameras"]])
+    share = 0.03 / np.linalg.norm(position - position.mean(axis=0))
+    assert len(said) == 1 and f"off by {100 * share:.2g} % (one sigma)" in said[0]
+    assert not reconstruct([fixed]).warnings
 
 
 def test_quality_counts_the_place_of_a_block_without_control(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
