@@ -46,7 +46,10 @@ EDGE_CELLS = 2
 SAME_HOLE = 0.3
 """Of two openings that share this much of both sides of the smaller one, the larger one stays."""
 LEAST_SEEN_M = 0.14
-"""So much of a hole must be seen; what hides the rest must leave room for LEAST_SIDE_M."""
+"""So much of a hole must be seen, or all of its sides but one; what hides the rest must leave room for LEAST_SIDE_M."""
+SIDE_SEEN = 0.5
+"""A side of a hole was seen if wall follows close to what is open along this share of it."""
+LEAST_SEEN_M2 = 0.06
 AROUND_M = 0.4
 """So far around a hole the wall tells how many rays were shot."""
 FLOOR_SIGMA_M = 0.005
@@ -151,11 +154,13 @@ def find_openings(
         counts = {s: int((inner == s).sum()) for s in (SOLID, OPEN, VOID, HIDDEN)}
         open_cells = counts[OPEN] + (counts[VOID] if lost else 0)
         known = open_cells + counts[SOLID]
-        if known < LEAST_KNOWN * inner.size or open_cells < LEAST_FILLED * known:
+        enough = known >= LEAST_KNOWN * inner.size or _corner_seen(state, rectangle)
+        if not enough or open_cells < LEAST_FILLED * known:
             continue
         if counts[OPEN] < 0.1 * inner.size and _framed(state, rectangle) < LEAST_FRAMED:
             continue
-        opening = _refined(raster, sides, rectangle, floor, thickness, band, open_cells / known)
+        whole = _continued(state, rectangle)
+        opening = _refined(raster, sides, whole, floor, thickness, band, open_cells / known)
         if opening is not None:
             out.append(replace(opening, lost=_lost_share(raster, sides, opening)))
     return _apart(out)
@@ -180,11 +185,42 @@ def _rectangles(raster: FaceRaster, hole: NDArray[np.bool_]) -> list[Rectangle]:
     out = []
     for number, place in enumerate(find_objects(pieces), start=1):
         mask = pieces[place] == number
-        if min(mask.shape) * raster.cell < LEAST_SEEN_M or mask.sum() * raster.cell**2 < 0.06:
+        if mask.sum() * raster.cell**2 < LEAST_SEEN_M2:
             continue
-        rectangle = _rectangle(raster.state, place, mask, raster.cell)
-        if rectangle is not None:
+        rectangle = _rectangle(raster.state, place, mask)
+        piece = place[0].start, place[0].stop, place[1].start, place[1].stop
+        if rectangle is not None and (_large(raster, rectangle) or _one_side_hidden(raster.state, piece)):
             out.append(rectangle)
+    return out
+
+
+def _large(raster: FaceRaster, rectangle: Rectangle) -> bool:
+    i0, i1, k0, k1 = rectangle
+    return min(i1 - i0, k1 - k0) * raster.cell >= LEAST_SEEN_M
+
+
+def _one_side_hidden(state: Cells, rectangle: Rectangle) -> bool:
+    """Wall follows on all other sides: what is seen is the end of a hole that goes on behind what stands before it."""
+    sides = sorted(_sides_seen(state, rectangle))
+    return sides[0] < SIDE_SEEN <= sides[1]
+
+
+def _corner_seen(state: Cells, rectangle: Rectangle) -> bool:
+    """An upright and a level side were seen, and so the place of a hole most of which is hidden."""
+    sides = _sides_seen(state, rectangle)
+    return max(sides[:2]) >= SIDE_SEEN and max(sides[2:]) >= SIDE_SEEN
+
+
+def _sides_seen(state: Cells, rectangle: Rectangle) -> list[float]:
+    """For start, end, sill and head the share of the side along which it is open within and wall is seen beyond."""
+    i0, i1, k0, k1 = rectangle
+    out = []
+    for lines, first, last in ((state[:, k0:k1], i0, i1), (state[i0:i1].T, k0, k1)):
+        for inner, beyond in (
+            (lines[first : first + EDGE_CELLS], lines[max(first - EDGE_CELLS, 0) : first]),
+            (lines[last - EDGE_CELLS : last], lines[last : last + EDGE_CELLS]),
+        ):
+            out.append(float(((inner == OPEN).any(axis=0) & (beyond == SOLID).any(axis=0)).mean()))
     return out
 
 
@@ -203,6 +239,24 @@ def _over_each_other(state: Cells, rectangles: list[Rectangle]) -> list[Rectangl
     return out
 
 
+def _continued(state: Cells, rectangle: Rectangle) -> Rectangle:
+    """A hole goes on behind what stands before it, to where one of its upright sides is seen again in the same line."""
+    i0, i1, k0, k1 = rectangle
+    wall = (state[_clear_of_edges(i0, i1)] == SOLID).sum(axis=0) >= LEAST_CELLS
+    again = np.zeros(len(wall), dtype=np.bool_)
+    for within, beyond in (
+        (state[i0 : i0 + EDGE_CELLS], state[max(i0 - EDGE_CELLS, 0) : i0]),
+        (state[i1 - EDGE_CELLS : i1], state[i1 : i1 + EDGE_CELLS]),
+    ):
+        again |= (within == OPEN).all(axis=0) & (beyond == SOLID).any(axis=0)
+    again = binary_opening(again, np.ones(LEAST_CELLS + 1, dtype=np.bool_))
+    walls = np.flatnonzero(wall)
+    lowest, highest = max(walls[walls < k0], default=-1), min(walls[walls >= k1], default=len(wall))
+    lines = np.flatnonzero(again)
+    lines = lines[(lines > lowest) & (lines < highest)]
+    return i0, i1, min(k0, min(lines, default=k0)), max(k1, max(lines, default=k1 - 1) + 1)
+
+
 def _apart(openings: list[Opening]) -> list[Opening]:
     """Pieces of one hole, between things that stand before it, were followed to the same edges: one of them stays."""
     kept: list[Opening] = []
@@ -215,9 +269,7 @@ def _apart(openings: list[Opening]) -> list[Opening]:
     return sorted(kept, key=lambda o: o.u0)
 
 
-def _rectangle(
-    state: Cells, place: tuple[slice, slice], mask: NDArray[np.bool_], cell: float
-) -> Rectangle | None:
+def _rectangle(state: Cells, place: tuple[slice, slice], mask: NDArray[np.bool_]) -> Rectangle | None:
     """Rows and columns in which most of what is known is open, however much is hidden."""
     solid = state[place] == SOLID
 
@@ -235,9 +287,7 @@ def _rectangle(
     (a0, a1), (b0, b1) = run(1), run(0)
     i0, i1 = place[0].start + a0, place[0].start + a1
     k0, k1 = place[1].start + b0, place[1].start + b1
-    if min(i1 - i0, k1 - k0) * cell < LEAST_SEEN_M:
-        return None
-    return i0, i1, k0, k1
+    return (i0, i1, k0, k1) if i1 > i0 and k1 > k0 else None
 
 
 def _framed(state: Cells, rectangle: Rectangle) -> float:
