@@ -17,6 +17,7 @@ from .plan import PlanRaster
 Array = NDArray[np.float64]
 
 NEAR_CELLS = 3
+BEFORE_CELLS = 2.5
 UPPER_M = 0.6
 """A wall shows itself in this height below the ceiling, above furniture."""
 LEAST_UPPER_HEIGHT_M = 0.3
@@ -105,9 +106,7 @@ def _apart(rooms: list[Room]) -> list[Room]:
 
 
 def _face_cells(plan: PlanRaster, face: Face) -> NDArray[np.int64]:
-    xy = face.normal * face.offset + face.u[:, None] * face.along
-    cell = np.floor((xy - plan.low) / plan.cell).astype(np.int64)
-    return np.clip(cell, 0, np.array(plan.rooms.shape) - 1)
+    return plan.cells(face.normal * face.offset + face.u[:, None] * face.along)
 
 
 def _room(
@@ -125,7 +124,7 @@ def _room(
         near = grown[cells[:, 0], cells[:, 1]]
         if near.sum() < 4:
             continue
-        line = _as_line(plan, face, k, near, ceiling, mask)
+        line = _as_line(plan, face, k, near, mask)
         if line is not None:
             lines.append(line)
     lines = _without_doubles(lines)[:MOST_LINES]
@@ -146,22 +145,29 @@ def _room(
 
 
 def _as_line(
-    plan: PlanRaster, face: Face, row: int, near: NDArray[np.bool_], ceiling: float, mask: NDArray[np.bool_]
+    plan: PlanRaster, face: Face, row: int, near: NDArray[np.bool_], mask: NDArray[np.bool_]
 ) -> _Line | None:
-    """The face as a side of the room, if it reaches the ceiling there and looks into it."""
-    upper = near & (face.z > ceiling - UPPER_M) & (face.z < ceiling + 0.05)
+    """The face as a side of the room, if it reaches the ceiling before it, level or not, and looks into the room."""
+    front = _before(plan, face, face.u)
+    ceiling = plan.ceiling[front[:, 0], front[:, 1]]
+    with np.errstate(invalid="ignore"):
+        upper = near & (face.z > ceiling - UPPER_M) & (face.z < ceiling + 0.05)
     if upper.sum() < 4:
         return None
     bins = np.unique(np.floor(face.u[upper] / plan.cell))
     support = len(bins) * plan.cell
     if support < LEAST_LINE_M or face.area[upper].sum() < LEAST_UPPER_HEIGHT_M * support:
         return None
-    place = face.normal * face.offset + ((bins + 0.5) * plan.cell)[:, None] * face.along
-    front = np.floor((place + 2.5 * plan.cell * face.normal - plan.low) / plan.cell).astype(np.int64)
-    front = np.clip(front, 0, np.array(mask.shape) - 1)
+    front = _before(plan, face, (bins + 0.5) * plan.cell)
     if mask[front[:, 0], front[:, 1]].mean() < 0.5:
         return None
     return _Line(face.normal, face.offset, row, support)
+
+
+def _before(plan: PlanRaster, face: Face, u: Array) -> NDArray[np.int64]:
+    """Cells before the face at places along it."""
+    place = face.normal * face.offset + u[:, None] * face.along
+    return plan.cells(place + BEFORE_CELLS * plan.cell * face.normal)
 
 
 def _without_doubles(lines: list[_Line]) -> list[_Line]:

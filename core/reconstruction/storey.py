@@ -24,7 +24,7 @@ from .fitted import FIT_POINTS, LEAST_FIT, FaceReturns, Survey, face_returns, fi
 from .joins import JoinedWall, join_walls
 from .levels import Storey
 from .openings import FaceRaster, Opening, face_raster, find_openings
-from .plan import make_plan
+from .plan import PlanRaster, make_plan
 from .rooms import Room, find_rooms
 from .thickness import Hint, hint, settle
 from .walls import SEEN_OUTSIDE, WallLine, find_walls
@@ -34,6 +34,10 @@ Array = NDArray[np.float64]
 LEAST_SOLID = 0.12
 """A wall of which less is solid, where anything is known, is no wall: an opening of the whole width, a row of lamps."""
 NOISE_FACTOR = 4.0
+BEFORE_WALL_M = 0.12
+HIGHEST = 0.97
+SLOPE_M = 0.1
+"""A ceiling that is nowhere along a wall farther from its room's level is level there."""
 LOST_SHARE = 0.2
 """In a room behind a hole all rays come back but a few."""
 
@@ -94,7 +98,7 @@ def draft_storey(
     work = []
     for k, line in enumerate(lines):
         progress.update(0.35 + 0.5 * k / max(len(lines), 1), "Looking for openings")
-        found = _examine(cloud, line, rooms, storey, band)
+        found = _examine(cloud, line, rooms, storey, plan, band)
         if found is not None:
             work.append(found)
     settle([w.line for w in work], [_hint(w, band) for w in work])
@@ -202,10 +206,11 @@ def _hint(work: _Work, band: float) -> Hint:
     return hint(work.sides[0], work.openings, band)
 
 
-def _examine(cloud: Cloud, line: WallLine, rooms: list[Room], storey: Storey, band: float) -> _Work | None:
-    own = [rooms[r] for r in line.rooms]
-    base = min((r.floor for r in own), default=storey.floor)
-    top = max((r.ceiling for r in own), default=storey.ceiling)
+def _examine(
+    cloud: Cloud, line: WallLine, rooms: list[Room], storey: Storey, plan: PlanRaster, band: float
+) -> _Work | None:
+    base = min((rooms[r].floor for r in line.rooms), default=storey.floor)
+    top = max((ceiling_along(plan, line, r, rooms[r].ceiling) for r in line.rooms), default=storey.ceiling)
     u, z = (line.u0, line.u1), (base, top)
     sides = [cross(cloud, line.normal, line.near, line.along, u, z, band)]
     if line.two_sided:
@@ -217,6 +222,23 @@ def _examine(cloud: Cloud, line: WallLine, rooms: list[Room], storey: Storey, ba
     lost = any(p.right < 0 for p in line.pieces)
     openings = find_openings(raster, sides, base, line.thickness or 0.5, band, lost)
     return _Work(line, sides, raster, openings, base, top)
+
+
+def ceiling_along(plan: PlanRaster, line: WallLine, room: int, level: float) -> float:
+    """The highest that a room's ceiling gets along a wall [m]; ``level``, that of the room, where it is level there."""
+    heights = [np.zeros(0)]
+    for p in line.pieces:
+        sides = [(p.left, p.near + BEFORE_WALL_M), (p.right, p.near - (p.thickness or 0.0) - BEFORE_WALL_M)]
+        for across in (a for r, a in sides if r == room):
+            u = np.arange(p.u0 + BEFORE_WALL_M, p.u1 - BEFORE_WALL_M, plan.cell)
+            cell = plan.cells(u[:, None] * p.along + across * p.normal)
+            heights.append(plan.ceiling[cell[:, 0], cell[:, 1]])
+    seen = np.concatenate(heights)
+    seen = seen[np.isfinite(seen)]
+    if not len(seen):
+        return level
+    highest = float(np.quantile(seen, HIGHEST))
+    return highest if np.abs(np.quantile(seen, [1.0 - HIGHEST, HIGHEST]) - level).max() > SLOPE_M else level
 
 
 def _sharpen(line: WallLine, sides: list[Crossings], band: float) -> list[Crossings]:
