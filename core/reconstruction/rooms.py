@@ -22,6 +22,8 @@ UPPER_M = 0.6
 """A wall shows itself in this height below the ceiling, above furniture."""
 LEAST_UPPER_HEIGHT_M = 0.3
 LEAST_LINE_M = 0.22
+COLUMN_M = 0.24
+LEAST_BELOW_M = 0.6
 SAME_LINE_M = 0.045
 MOST_LINES = 48
 LEAST_FREE = 0.5
@@ -124,7 +126,7 @@ def _room(
         near = grown[cells[:, 0], cells[:, 1]]
         if near.sum() < 4:
             continue
-        line = _as_line(plan, face, k, near, mask)
+        line = _as_line(plan, face, k, near, mask, 0.5 * (floor + ceiling))
         if line is not None:
             lines.append(line)
     lines = _without_doubles(lines)[:MOST_LINES]
@@ -145,9 +147,12 @@ def _room(
 
 
 def _as_line(
-    plan: PlanRaster, face: Face, row: int, near: NDArray[np.bool_], mask: NDArray[np.bool_]
+    plan: PlanRaster, face: Face, row: int, near: NDArray[np.bool_], mask: NDArray[np.bool_], middle: float
 ) -> _Line | None:
-    """The face as a side of the room, if it reaches the ceiling before it, level or not, and looks into the room."""
+    """The face as a side of the room, if it reaches the ceiling before it, level or not, and looks into the room.
+
+    Over a wide window a strip of wall is seen, as of a beam: it is a wall's where the face reaches below the room's ``middle``.
+    """
     front = _before(plan, face, face.u)
     ceiling = plan.ceiling[front[:, 0], front[:, 1]]
     with np.errstate(invalid="ignore"):
@@ -156,12 +161,23 @@ def _as_line(
         return None
     bins = np.unique(np.floor(face.u[upper] / plan.cell))
     support = len(bins) * plan.cell
-    if support < LEAST_LINE_M or face.area[upper].sum() < LEAST_UPPER_HEIGHT_M * support:
+    if support < LEAST_LINE_M:
+        return None
+    if face.area[upper].sum() < LEAST_UPPER_HEIGHT_M * support and not _stands_beside(face, near, upper, middle):
         return None
     front = _before(plan, face, (bins + 0.5) * plan.cell)
     if mask[front[:, 0], front[:, 1]].mean() < 0.5:
         return None
     return _Line(face.normal, face.offset, row, support)
+
+
+def _stands_beside(face: Face, near: NDArray[np.bool_], upper: NDArray[np.bool_], middle: float) -> bool:
+    """Whether somewhere along it, a pier beside a window, the face is seen below the ceiling and nearly down to the floor."""
+    column = np.floor((face.u - face.u.min()) / COLUMN_M).astype(np.int64)
+    tall = np.bincount(column[upper], face.area[upper], minlength=column.max() + 1) >= LEAST_UPPER_HEIGHT_M * COLUMN_M
+    below = near & (face.z < middle)
+    deep = np.bincount(column[below], face.area[below], minlength=column.max() + 1) >= LEAST_BELOW_M * COLUMN_M
+    return bool((tall & deep).any())
 
 
 def _before(plan: PlanRaster, face: Face, u: Array) -> NDArray[np.int64]:
