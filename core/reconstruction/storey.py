@@ -228,17 +228,19 @@ def ceiling_along(plan: PlanRaster, line: WallLine, room: int, level: float) -> 
     """The highest that a room's ceiling gets along a wall [m]; ``level``, that of the room, where it is level there."""
     heights = [np.zeros(0)]
     for p in line.pieces:
-        sides = [(p.left, p.near + BEFORE_WALL_M), (p.right, p.near - (p.thickness or 0.0) - BEFORE_WALL_M)]
-        for across in (a for r, a in sides if r == room):
-            u = np.arange(p.u0 + BEFORE_WALL_M, p.u1 - BEFORE_WALL_M, plan.cell)
-            cell = plan.cells(u[:, None] * p.along + across * p.normal)
-            heights.append(plan.ceiling[cell[:, 0], cell[:, 1]])
+        u = np.arange(p.u0 + BEFORE_WALL_M, p.u1 - BEFORE_WALL_M, plan.cell)[:, None] * p.along
+        for own, face, into in ((p.left, p.near, 1.0), (p.right, p.near - (p.thickness or 0.0), -1.0)):
+            if own == room:
+                cells = [plan.cells(u + (face + into * k * BEFORE_WALL_M) * p.normal) for k in (1, 2)]
+                near, far = (plan.ceiling[c[:, 0], c[:, 1]] for c in cells)
+                # a slope goes on to the wall, a step does not
+                heights.append(np.where(np.abs(near - far) < BEFORE_WALL_M, 2.0 * near - far, near))
     seen = np.concatenate(heights)
     seen = seen[np.isfinite(seen)]
     if not len(seen):
         return level
-    highest = float(np.quantile(seen, HIGHEST))
-    return highest if np.abs(np.quantile(seen, [1.0 - HIGHEST, HIGHEST]) - level).max() > SLOPE_M else level
+    lowest, highest = np.quantile(seen, [1.0 - HIGHEST, HIGHEST])
+    return float(highest) if max(level - lowest, highest - level) > SLOPE_M else level
 
 
 def _sharpen(line: WallLine, sides: list[Crossings], band: float) -> list[Crossings]:
