@@ -3,11 +3,12 @@
     python scripts/bench_reconstruct.py [--cases flat,offices,slanted,two] [--seed 1] [--step-deg 0.18]
     python scripts/bench_reconstruct.py --cases r101,r102,r103,r104 --seed 5 --step-deg 0.3
     python scripts/bench_reconstruct.py --pose-mm 3 --pose-turn-deg 0.01
+    python scripts/bench_reconstruct.py --cases flat --step-deg 0.5 --ground
 
 Scans: several stations inside, 2 mm noise, six boxes and two people, glass that passes rays; poses are exact unless said
-(standard deviations along and about each axis). In truth walls are flat, plumb, square and
-parallel. The methods were
-developed on the named plans (seed 1) and on the drawn ones r1 to r4; r101 and up were drawn to score on.
+(standard deviations along and about each axis), and there is nothing outside unless ``--ground``. In truth walls are
+flat, plumb, square and parallel. The methods were developed on the named plans (seed 1) and on the drawn ones r1 to r4;
+r101 and up were drawn to score on.
 """
 
 from __future__ import annotations
@@ -42,10 +43,11 @@ from bim_verify.core.scans.open import open_scans  # noqa: E402
 from bim_verify.core.simulation.campaign import Campaign, place_props, scan_to_files, set_up  # noqa: E402
 from bim_verify.core.simulation.random_storey import random_storey  # noqa: E402
 from bim_verify.core.simulation.scanner import PRESETS  # noqa: E402
-from bim_verify.core.simulation.scene import build_scene  # noqa: E402
+from bim_verify.core.simulation.scene import Prop, build_scene  # noqa: E402
 from bim_verify.core.simulation.storey_plans import flat, offices, slanted  # noqa: E402
 from bim_verify.core.simulation.storeys import PlannedStorey, write_building  # noqa: E402
 
+GROUND_M, GROUND_BELOW_M = 80.0, 0.05
 CELL_M = 0.05
 NEAR_M = 0.05
 """A true dimension or corner so near is the one that was measured."""
@@ -75,6 +77,7 @@ def main() -> None:
     parser.add_argument("--step-deg", type=float, default=0.18)
     parser.add_argument("--pose-mm", type=float, default=0.0)
     parser.add_argument("--pose-turn-deg", type=float, default=0.0)
+    parser.add_argument("--ground", action="store_true", help="level ground outside, so that rays through panes come back")
     parser.add_argument("--keep", metavar="FOLDER", help="leave the truth, the scans and what was found in this folder")
     arguments = parser.parse_args()
     poses = arguments.pose_mm / 1000.0, math.radians(arguments.pose_turn_deg)
@@ -89,6 +92,11 @@ def main() -> None:
             positions = write_building(built, storeys, turn_deg=turn, shift=shift, elevation=level)
             model = load_model(built)
             props = place_props(model, build_scene(model, {}, seed=arguments.seed), seed=arguments.seed, boxes=6, people=2)
+            if arguments.ground:
+                middle = 0.5 * (model.vertices.min(axis=0) + model.vertices.max(axis=0))
+                below = float(model.vertices[:, 2].min()) - GROUND_BELOW_M
+                place = float(middle[0]), float(middle[1]), below
+                props = (*props, Prop("Ground", "box", place, (GROUND_M, GROUND_M, 0.01)))
             set_ups = tuple(set_up(f"S{k}", p - model.origin, arguments.seed, k, poses) for k, p in enumerate(positions))
             step = math.radians(arguments.step_deg)
             scanner = replace(PRESETS["fast"], angular_step=step, sigma_range=0.002, sigma_signal=0.0)
