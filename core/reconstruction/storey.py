@@ -21,9 +21,10 @@ from .crossings import BAND_M, Crossings, cross
 from .face_points import EDGE_M, REACH_M, surface_returns
 from .faces import find_faces, upright_surfels
 from .fitted import FIT_POINTS, LEAST_FIT, FaceReturns, Survey, face_returns, fitted_face, returns_on, room_faces
+from .hole_rectangles import FaceRaster
 from .joins import JoinedWall, join_walls
 from .levels import Storey
-from .openings import FaceRaster, Opening, face_raster, find_openings
+from .openings import Opening, face_raster, find_openings
 from .plan import PlanRaster, make_plan
 from .rooms import Room, find_rooms
 from .thickness import Hint, hint, settle
