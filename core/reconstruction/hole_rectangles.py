@@ -21,6 +21,7 @@ LEAST_SEEN_M = 0.14
 SIDE_SEEN = 0.5
 """A side of a hole was seen if wall follows close to what is open along this share of it."""
 LEAST_SEEN_M2 = 0.06
+NEAR_M = 0.3
 
 
 @dataclass(frozen=True)
@@ -48,16 +49,33 @@ def seen_holes(raster: FaceRaster, lost: bool) -> list[Rectangle]:
 
 def _rectangles(raster: FaceRaster, hole: NDArray[np.bool_]) -> list[Rectangle]:
     pieces, _ = label(hole)
-    out = []
+    out: list[Rectangle] = []
+    ends: list[Rectangle] = []
     for number, place in enumerate(find_objects(pieces), start=1):
         mask = pieces[place] == number
         if mask.sum() * raster.cell**2 < LEAST_SEEN_M2:
             continue
         rectangle = _rectangle(raster.state, place, mask)
         piece = place[0].start, place[0].stop, place[1].start, place[1].stop
-        if rectangle is not None and (_large(raster, rectangle) or _one_side_hidden(raster.state, piece)):
+        if rectangle is not None and _large(raster, rectangle):
             out.append(rectangle)
+        elif rectangle is not None and _one_side_hidden(raster.state, piece):
+            ends.append(rectangle)
+    near = int(np.ceil(NEAR_M / raster.cell))
+    for end in ends:
+        beside = [n for n, other in enumerate(out) if _beside(end, other, near)]
+        if not beside:
+            out.append(end)
+        for n in beside[:1]:
+            o = out[n]
+            if min(abs(end[k] - o[k]) for k in range(4)) <= EDGE_CELLS:
+                out[n] = min(end[0], o[0]), max(end[1], o[1]), min(end[2], o[2]), max(end[3], o[3])
     return out
+
+
+def _beside(a: Rectangle, b: Rectangle, near: int) -> bool:
+    """So close to each other that they are parts of one hole, if one of their sides is in line."""
+    return max(a[0] - b[1], b[0] - a[1]) < near and max(a[2] - b[3], b[2] - a[3]) < near
 
 
 def _large(raster: FaceRaster, rectangle: Rectangle) -> bool:

@@ -33,6 +33,12 @@ def test_a_strip_of_which_two_sides_are_hidden_is_no_hole() -> None:
     assert openings([(1.0, 2.2, 0.9, 2.1)], [(0.6, 2.8, 0.0, 1.9), (0.6, 2.8, 1.98, 2.6)]) == []
 
 
+def test_a_strip_beside_the_rest_of_its_hole_is_no_hole_of_its_own() -> None:
+    post = (1.44, 1.6, 1.9, 2.6)
+    found = openings([(1.0, 2.4, 0.9, 2.1)], [(1.5, 3.0, 0.0, 2.02), post])
+    assert len(found) == 1 and (found[0].u0, found[0].u1) == pytest.approx((1.0, 2.4), abs=0.02)
+
+
 def test_a_corner_gives_the_place_of_a_hole_that_is_mostly_hidden() -> None:
     (opening,) = openings([(1.0, 2.6, 0.9, 2.1)], [(1.16, 3.0, 0.0, 1.95)])
     assert (opening.u0, opening.u1, opening.z0, opening.z1) == pytest.approx((1.0, 2.6, 0.9, 2.1), abs=0.02)
