@@ -3,11 +3,12 @@
     python scripts/bench_reconstruct.py [--cases flat,offices,slanted,two] [--seed 1] [--step-deg 0.18]
     python scripts/bench_reconstruct.py --cases r101,r102,r103,r104 --seed 5 --step-deg 0.3
     python scripts/bench_reconstruct.py --pose-mm 3 --pose-turn-deg 0.01
+    python scripts/bench_reconstruct.py --cases flat --step-deg 0.5 --ground
 
 Scans: several stations inside, 2 mm noise, six boxes and two people, glass that passes rays; poses are exact unless said
-(standard deviations along and about each axis). In truth walls are flat, plumb, square and
-parallel. The methods were
-developed on the named plans (seed 1) and on the drawn ones r1 to r4; r101 and up were drawn to score on.
+(standard deviations along and about each axis), and there is nothing outside unless ``--ground``. In truth walls are
+flat, plumb, square and parallel. The methods were developed on the named plans (seed 1) and on the drawn ones r1 to r4;
+r101 and up were drawn to score on.
 """
 
 from __future__ import annotations
@@ -30,19 +31,24 @@ from bim_verify.core.dimensions.regions import Region, read_regions  # noqa: E40
 from bim_verify.core.dimensions.table import Dimension  # noqa: E402
 from bim_verify.core.jobs import reconstruct  # noqa: E402
 from bim_verify.core.model.load import load_model  # noqa: E402
+from bim_verify.core.planes.cloud import Cloud, read_cloud  # noqa: E402
 from bim_verify.core.planes.derived import Z95  # noqa: E402
 from bim_verify.core.reconstruction.building import BuiltRoom, Reconstruction  # noqa: E402
-from bim_verify.core.reconstruction.compare import compare, comparison_lines  # noqa: E402
+from bim_verify.core.reconstruction.compare import ClassComparison, compare, comparison_lines  # noqa: E402
+from bim_verify.core.reconstruction.crossings import BAND_M, cross  # noqa: E402
 from bim_verify.core.reconstruction.dimensions import dimension_rows  # noqa: E402
-from bim_verify.core.reconstruction.shapes import read_shapes  # noqa: E402
+from bim_verify.core.reconstruction.shapes import Shape, read_shapes  # noqa: E402
 from bim_verify.core.reconstruction.write_ifc import write_reconstruction  # noqa: E402
+from bim_verify.core.scans.open import open_scans  # noqa: E402
 from bim_verify.core.simulation.campaign import Campaign, place_props, scan_to_files, set_up  # noqa: E402
 from bim_verify.core.simulation.random_storey import random_storey  # noqa: E402
 from bim_verify.core.simulation.scanner import PRESETS  # noqa: E402
-from bim_verify.core.simulation.scene import build_scene  # noqa: E402
+from bim_verify.core.simulation.scene import Prop, build_scene  # noqa: E402
 from bim_verify.core.simulation.storey_plans import flat, offices, slanted  # noqa: E402
 from bim_verify.core.simulation.storeys import PlannedStorey, write_building  # noqa: E402
 
+GROUND_M, GROUND_BELOW_M = 80.0, 0.05
+CELL_M = 0.05
 NEAR_M = 0.05
 """A true dimension or corner so near is the one that was measured."""
 CASES = {
@@ -71,6 +77,7 @@ def main() -> None:
     parser.add_argument("--step-deg", type=float, default=0.18)
     parser.add_argument("--pose-mm", type=float, default=0.0)
     parser.add_argument("--pose-turn-deg", type=float, default=0.0)
+    parser.add_argument("--ground", action="store_true", help="level ground outside, so that rays through panes come back")
     parser.add_argument("--keep", metavar="FOLDER", help="leave the truth, the scans and what was found in this folder")
     arguments = parser.parse_args()
     poses = arguments.pose_mm / 1000.0, math.radians(arguments.pose_turn_deg)
@@ -85,6 +92,11 @@ def main() -> None:
             positions = write_building(built, storeys, turn_deg=turn, shift=shift, elevation=level)
             model = load_model(built)
             props = place_props(model, build_scene(model, {}, seed=arguments.seed), seed=arguments.seed, boxes=6, people=2)
+            if arguments.ground:
+                middle = 0.5 * (model.vertices.min(axis=0) + model.vertices.max(axis=0))
+                below = float(model.vertices[:, 2].min()) - GROUND_BELOW_M
+                place = float(middle[0]), float(middle[1]), below
+                props = (*props, Prop("Ground", "box", place, (GROUND_M, GROUND_M, 0.01)))
             set_ups = tuple(set_up(f"S{k}", p - model.origin, arguments.seed, k, poses) for k, p in enumerate(positions))
             step = math.radians(arguments.step_deg)
             scanner = replace(PRESETS["fast"], angular_step=step, sigma_range=0.002, sigma_signal=0.0)
@@ -98,6 +110,8 @@ def main() -> None:
             comparison = compare(read_shapes(found), read_shapes(truth))
             for line in comparison_lines(comparison):
                 print(f"  {line}", flush=True)
+            for line in what_showed(comparison.classes["openings"], scan):
+                print(f"  {line}", flush=True)
             own = [e for m in comparison.classes["openings"].matches for e in m.edges_in_sigmas]
             print(f"  {coverage(own)}", flush=True)
             edges += own
@@ -110,6 +124,32 @@ def main() -> None:
                 whole.setdefault(kind, []).extend(values)
             every += rows
     print(f"All: {coverage(edges)}\n{intervals(whole)}\n{small_p(every)}")
+
+
+def what_showed(openings: ClassComparison, scan: Path) -> list[str]:
+    """Of each opening that was not found, how much of it any station could see into; and the F1 of those that showed at all."""
+    if not openings.missed:
+        return []
+    cloud = read_cloud(open_scans([scan]), 4.0)
+    shares = {hole.name: shown(cloud, hole) for hole in openings.missed}
+    there = openings.reference - sum(share == 0.0 for share in shares.values())
+    f1 = 2 * len(openings.matches) / (openings.found + there)
+    told = ", ".join(f"{name} ({100 * share:.0f} % of its area)" for name, share in shares.items())
+    return [f"Of openings not found showed: {told}. F1 of the {there} openings of which something showed: {f1:.3f}."]
+
+
+def shown(cloud: Cloud, hole: Shape) -> float:
+    """Share of a true opening's area through which rays went that came back, from either side of its wall, 0..1."""
+    middle, half = hole.middle - cloud.origin, hole.width / 2
+    u, z = float(middle[:2] @ hole.along), float(middle[2])
+    reach = [[u - hole.length / 2, u + hole.length / 2], [z - hole.height / 2, z + hole.height / 2]]
+    bins = [max(int((high - low) / CELL_M), 1) for low, high in reach]
+    seen = np.zeros(bins, dtype=np.bool_)
+    for normal in (hole.across, -hole.across):
+        rays = cross(cloud, normal, float(middle[:2] @ normal) + half, hole.along, tuple(reach[0]), tuple(reach[1]))
+        through = rays.depth > BAND_M
+        seen |= np.histogram2d(rays.u[through], rays.z[through], bins, reach)[0] > 0
+    return float(seen.mean())
 
 
 def coverage(edges: list[tuple[bool, float]]) -> str:

@@ -42,6 +42,7 @@ class JoinedWall:
 def join_walls(walls: list[WallLine]) -> list[JoinedWall]:
     """The footprint of every wall."""
     found = [[_partner(walls, k, at_end) for at_end in (False, True)] for k in range(len(walls))]
+    found = [[_against(walls, found, k, join) for join in pair] for k, pair in enumerate(found)]
     out = []
     for k, wall in enumerate(walls):
         cuts = []
@@ -82,6 +83,17 @@ def _partner(walls: list[WallLine], k: int, at_end: bool) -> Join | None:
         if best is None or beyond < best[0]:
             best = beyond, Join(j, "CORNER" if corner else "BUTT")
     return best[1] if best else None
+
+
+def _against(walls: list[WallLine], found: list[list[Join | None]], k: int, join: Join | None) -> Join | None:
+    """A wall that meets the corner of two others ends at the face of the one it meets: only those two are mitred."""
+    if join is None or join.kind != "CORNER":
+        return join
+    other = walls[join.other]
+    place = float(_cross_axes(walls[k], other) @ other.along)
+    corner = found[join.other][int(abs(place - other.u1) < abs(place - other.u0))]
+    third = corner is not None and corner.kind == "CORNER" and corner.other != k
+    return Join(join.other, "BUTT") if third else join
 
 
 def _cross_axes(a: WallLine, b: WallLine) -> Array:

@@ -22,6 +22,8 @@ DENSE_BINS = 2
 """Where returns follow each other this closely at the end of a reveal, its end is the last of them."""
 LEAST_COLUMN = 3
 STEPS = 2
+BEYOND_M = 0.05
+"""A ray that ends this far behind the place where it left the hole was not stopped by the wall there."""
 """Steps between columns of returns from which the spacing at a reveal's end is taken."""
 
 
@@ -74,6 +76,25 @@ def reveal_depth(c: Crossings, box: Box, band: float) -> tuple[Span | None, floa
     if leaf is None and span is not None:
         leaf = _frame_depth(c, box, upright | level, span)
     return span, leaf
+
+
+def passed_depth(c: Crossings, box: Box, margins: Box) -> float:
+    """Depth at which rays left the hole sideways or upwards and went on: the wall is no thicker. Infinite if none did.
+
+    ``margins`` are how far beyond each edge a ray is surely out of the hole [m]; the sill does not count, it may slope.
+    """
+    u0, u1, z0, z1 = box
+    own = (c.depth > BEYOND_M) & (c.u > u0) & (c.u < u1) & (c.z > z0) & (c.z < z1)
+    depth = c.depth[own]
+    along, up = (c.end_u[own] - c.u[own]) / depth, (c.end_z[own] - c.z[own]) / depth
+    with np.errstate(divide="ignore", invalid="ignore"):
+        left = np.stack([
+            np.where(along < 0, (u0 - margins[0] - c.u[own]) / along, np.inf),
+            np.where(along > 0, (u1 + margins[1] - c.u[own]) / along, np.inf),
+            np.where(up > 0, (z1 + margins[3] - c.z[own]) / up, np.inf),
+        ]).min(axis=0)
+    left = np.sort(left[(left < depth - BEYOND_M) & (c.z[own] + up * left > z0)])
+    return float(left[LEAST_COLUMN - 1]) if len(left) >= LEAST_COLUMN else np.inf
 
 
 def _frame_depth(c: Crossings, box: Box, inside: NDArray[np.bool_], span: Span) -> float | None:

@@ -7,10 +7,24 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import binary_opening, find_objects, label, uniform_filter
+from scipy.ndimage import uniform_filter
 
 from .crossings import BEFORE, Crossings
+from .hole_rectangles import (
+    HIDDEN,
+    OPEN,
+    SOLID,
+    UNKNOWN,
+    VOID,
+    Cells,
+    FaceRaster,
+    Rectangle,
+    clear_of_edges,
+    continued,
+    corner_seen,
+    framed,
+    seen_holes,
+)
 from .opening_edges import (
     JUMP_M,
     LEAST_CELLS,
@@ -27,11 +41,6 @@ from .opening_edges import (
 )
 from .opening_fill import is_filled
 
-Cells = NDArray[np.int8]
-Rectangle = tuple[int, int, int, int]
-"""Columns from, to, lines from, to; the ends are not in it."""
-
-UNKNOWN, SOLID, OPEN, VOID, HIDDEN = 0, 1, 2, 3, 4
 LEAST_CELL_M = 0.02
 LARGEST_CELL_M = 0.08
 RETURNS_A_CELL = 2.5
@@ -42,11 +51,8 @@ LEAST_FRAMED = 0.5
 """Share of the wall around a hole that must be seen, where nothing came back from the hole itself."""
 DOOR_SILL_M = 0.15
 DOOR_HEIGHT_M = 1.6
-EDGE_CELLS = 2
 SAME_HOLE = 0.3
 """Of two openings that share this much of both sides of the smaller one, the larger one stays."""
-LEAST_SEEN_M = 0.14
-"""So much of a hole must be seen; what hides the rest must leave room for LEAST_SIDE_M."""
 AROUND_M = 0.4
 """So far around a hole the wall tells how many rays were shot."""
 FLOOR_SIGMA_M = 0.005
@@ -89,22 +95,6 @@ class Opening:
         return self.kind == "opening" and SIDES[2] in self.hidden
 
 
-@dataclass(frozen=True)
-class FaceRaster:
-    """States of the cells of a wall; [iu, iz]."""
-
-    state: Cells
-    cell: float
-    u0: float
-    z0: float
-
-    @property
-    def solid_share(self) -> float:
-        """Of the cells about which something is known."""
-        known = np.isin(self.state, (SOLID, OPEN, VOID))
-        return float((self.state == SOLID).sum() / max(known.sum(), 1))
-
-
 def face_raster(sides: list[Crossings], u: tuple[float, float], z: tuple[float, float], band: float) -> FaceRaster:
     """What both sides together say of the wall: open only where neither side saw a surface."""
     area = (u[1] - u[0]) * (z[1] - z[0])
@@ -142,20 +132,20 @@ def find_openings(
 ) -> list[Opening]:
     """Rectangular holes of a wall. ``lost``: rays into the open leave no return (an outer wall), so a hole may be void."""
     state = raster.state
-    hole = (state == OPEN) | ((state == VOID) if lost else False)
-    hole = binary_opening(hole, np.ones((3, 3), dtype=np.bool_))
     out: list[Opening] = []
-    for rectangle in _over_each_other(state, _rectangles(raster, hole)):
+    for rectangle in seen_holes(raster, lost):
         i0, i1, k0, k1 = rectangle
         inner = state[i0:i1, k0:k1]
         counts = {s: int((inner == s).sum()) for s in (SOLID, OPEN, VOID, HIDDEN)}
         open_cells = counts[OPEN] + (counts[VOID] if lost else 0)
         known = open_cells + counts[SOLID]
-        if known < LEAST_KNOWN * inner.size or open_cells < LEAST_FILLED * known:
+        enough = known >= LEAST_KNOWN * inner.size or corner_seen(state, rectangle)
+        if not enough or open_cells < LEAST_FILLED * known:
             continue
-        if counts[OPEN] < 0.1 * inner.size and _framed(state, rectangle) < LEAST_FRAMED:
+        if counts[OPEN] < 0.1 * inner.size and framed(state, rectangle) < LEAST_FRAMED:
             continue
-        opening = _refined(raster, sides, rectangle, floor, thickness, band, open_cells / known)
+        whole = continued(state, rectangle)
+        opening = _refined(raster, sides, whole, floor, thickness, band, open_cells / known)
         if opening is not None:
             out.append(replace(opening, lost=_lost_share(raster, sides, opening)))
     return _apart(out)
@@ -175,34 +165,6 @@ def _lost_share(raster: FaceRaster, sides: list[Crossings], opening: Opening) ->
     return float(np.clip(1.0 - rays[inside].mean() / rays[around].mean(), 0.0, 1.0))
 
 
-def _rectangles(raster: FaceRaster, hole: NDArray[np.bool_]) -> list[Rectangle]:
-    pieces, _ = label(hole)
-    out = []
-    for number, place in enumerate(find_objects(pieces), start=1):
-        mask = pieces[place] == number
-        if min(mask.shape) * raster.cell < LEAST_SEEN_M or mask.sum() * raster.cell**2 < 0.06:
-            continue
-        rectangle = _rectangle(raster.state, place, mask, raster.cell)
-        if rectangle is not None:
-            out.append(rectangle)
-    return out
-
-
-def _over_each_other(state: Cells, rectangles: list[Rectangle]) -> list[Rectangle]:
-    """Above and below a thing that stands before it, one hole has the same sides; no wall is seen between its parts."""
-    out: list[Rectangle] = []
-    for a in sorted(rectangles, key=lambda r: r[2]):
-        for n, b in enumerate(out):
-            i0, i1 = min(a[0], b[0]), max(a[1], b[1])
-            same = max(abs(a[0] - b[0]), abs(a[1] - b[1])) <= EDGE_CELLS and b[3] <= a[2]
-            if same and (state[i0:i1, b[3] : a[2]] == SOLID).sum() < LEAST_CELLS:
-                out[n] = i0, i1, b[2], a[3]
-                break
-        else:
-            out.append(a)
-    return out
-
-
 def _apart(openings: list[Opening]) -> list[Opening]:
     """Pieces of one hole, between things that stand before it, were followed to the same edges: one of them stays."""
     kept: list[Opening] = []
@@ -215,39 +177,6 @@ def _apart(openings: list[Opening]) -> list[Opening]:
     return sorted(kept, key=lambda o: o.u0)
 
 
-def _rectangle(
-    state: Cells, place: tuple[slice, slice], mask: NDArray[np.bool_], cell: float
-) -> Rectangle | None:
-    """Rows and columns in which most of what is known is open, however much is hidden."""
-    solid = state[place] == SOLID
-
-    def run(axis: int) -> tuple[int, int]:
-        holes, walls = mask.sum(axis=axis), solid.sum(axis=axis)
-        keep = (holes >= 3) & (holes > 0.6 * (holes + walls))
-        if not keep.any():
-            return 0, 0
-        parts, _ = label(keep)
-        weight = np.bincount(parts, holes)
-        weight[0] = 0
-        own = np.flatnonzero(parts == int(np.argmax(weight)))
-        return int(own[0]), int(own[-1]) + 1
-
-    (a0, a1), (b0, b1) = run(1), run(0)
-    i0, i1 = place[0].start + a0, place[0].start + a1
-    k0, k1 = place[1].start + b0, place[1].start + b1
-    if min(i1 - i0, k1 - k0) * cell < LEAST_SEEN_M:
-        return None
-    return i0, i1, k0, k1
-
-
-def _framed(state: Cells, rectangle: Rectangle) -> float:
-    """The least share of wall that is seen beside the hole, of its sides and top."""
-    i0, i1, k0, k1 = rectangle
-    strips = [state[max(i0 - 4, 0) : i0, k0:k1], state[i1 : i1 + 4, k0:k1], state[i0:i1, k1 : k1 + 4]]
-    shares = [float((s == SOLID).any(axis=0 if n < 2 else 1).mean()) if s.size else 0.0 for n, s in enumerate(strips)]
-    return min(shares)
-
-
 def _refined(
     raster: FaceRaster, sides: list[Crossings], rectangle: Rectangle, floor: float, thickness: float,
     band: float, quality: float,
@@ -257,7 +186,7 @@ def _refined(
     u0, u1, z0, z1 = (b[0] for b in brackets)
     down = z0 - floor < DOOR_SILL_M
     foot, sill = (max(round((z - raster.z0) / cell), 0) for z in (floor + DOOR_SILL_M, z0))
-    below = raster.state[_clear_of_edges(*rectangle[:2]), foot:sill] == SOLID
+    below = raster.state[clear_of_edges(*rectangle[:2]), foot:sill] == SOLID
     wall_below = bool((below.sum(axis=0) >= LEAST_CELLS).any())
     rays = gathered(sides, band)
     near_z = (rays.z > z0 + 0.1 * (z1 - z0)) & (rays.z < z1 - 0.1 * (z1 - z0))
@@ -302,21 +231,16 @@ def _refined(
     return Opening(u0, u1, z0, z1, kind, filled, quality, sigmas, hidden)
 
 
-def _clear_of_edges(first: int, last: int) -> slice:
-    """The lines of a hole without those that show the wall beside it."""
-    return slice(first + EDGE_CELLS, last - EDGE_CELLS) if last - first > 4 * EDGE_CELLS else slice(first, last)
-
-
 def _brackets(raster: FaceRaster, rectangle: Rectangle) -> list[tuple[float, float, float]]:
     """For each edge the place up to which it is open, that at which it ends, and that from which it is solid [m]."""
     i0, i1, k0, k1 = rectangle
     hole, solid = raster.state == OPEN, raster.state == SOLID
     jump, pier = max(int(JUMP_M / raster.cell), 1), int(np.ceil(LEAST_PIER_M / raster.cell)) + 1
     for _ in range(2):
-        u_hole, u_solid = hole[:, k0:k1], solid[:, _clear_of_edges(k0, k1)]
+        u_hole, u_solid = hole[:, k0:k1], solid[:, clear_of_edges(k0, k1)]
         left, right = bracket(u_hole, u_solid, i0, -1, jump, pier), bracket(u_hole, u_solid, i1 - 1, 1, jump, pier)
         i0, i1 = left[0], right[0] + 1
-        z_hole, z_solid = hole[i0:i1].T, solid[_clear_of_edges(i0, i1)].T
+        z_hole, z_solid = hole[i0:i1].T, solid[clear_of_edges(i0, i1)].T
         down, up = bracket(z_hole, z_solid, k0, -1, jump, pier), bracket(z_hole, z_solid, k1 - 1, 1, jump, pier)
         k0, k1 = down[0], up[0] + 1
     c = raster.cell

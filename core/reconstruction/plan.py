@@ -51,6 +51,11 @@ class PlanRaster:
         """(N, 2) middles of cells."""
         return np.asarray(self.low + (np.stack([ix, iy], axis=1) + 0.5) * self.cell)
 
+    def cells(self, places: Array) -> NDArray[np.int64]:
+        """(N, 2) cells of places in plan; the nearest of the raster for those beyond it."""
+        cell = np.floor((places - self.low) / self.cell).astype(np.int64)
+        return np.clip(cell, 0, np.array(self.rooms.shape) - 1)
+
 
 def make_plan(cloud: Cloud, surfels: Surfels, storey: Storey) -> PlanRaster:
     """Rasters of one storey."""

@@ -17,10 +17,13 @@ from .plan import PlanRaster
 Array = NDArray[np.float64]
 
 NEAR_CELLS = 3
+BEFORE_CELLS = 2.5
 UPPER_M = 0.6
 """A wall shows itself in this height below the ceiling, above furniture."""
 LEAST_UPPER_HEIGHT_M = 0.3
 LEAST_LINE_M = 0.22
+COLUMN_M = 0.24
+LEAST_BELOW_M = 0.6
 SAME_LINE_M = 0.045
 MOST_LINES = 48
 LEAST_FREE = 0.5
@@ -105,9 +108,7 @@ def _apart(rooms: list[Room]) -> list[Room]:
 
 
 def _face_cells(plan: PlanRaster, face: Face) -> NDArray[np.int64]:
-    xy = face.normal * face.offset + face.u[:, None] * face.along
-    cell = np.floor((xy - plan.low) / plan.cell).astype(np.int64)
-    return np.clip(cell, 0, np.array(plan.rooms.shape) - 1)
+    return plan.cells(face.normal * face.offset + face.u[:, None] * face.along)
 
 
 def _room(
@@ -125,7 +126,7 @@ def _room(
         near = grown[cells[:, 0], cells[:, 1]]
         if near.sum() < 4:
             continue
-        line = _as_line(plan, face, k, near, ceiling, mask)
+        line = _as_line(plan, face, k, near, mask, 0.5 * (floor + ceiling))
         if line is not None:
             lines.append(line)
     lines = _without_doubles(lines)[:MOST_LINES]
@@ -146,22 +147,43 @@ def _room(
 
 
 def _as_line(
-    plan: PlanRaster, face: Face, row: int, near: NDArray[np.bool_], ceiling: float, mask: NDArray[np.bool_]
+    plan: PlanRaster, face: Face, row: int, near: NDArray[np.bool_], mask: NDArray[np.bool_], middle: float
 ) -> _Line | None:
-    """The face as a side of the room, if it reaches the ceiling there and looks into it."""
-    upper = near & (face.z > ceiling - UPPER_M) & (face.z < ceiling + 0.05)
+    """The face as a side of the room, if it reaches the ceiling before it, level or not, and looks into the room.
+
+    Over a wide window a strip of wall is seen, as of a beam: it is a wall's where the face reaches below the room's ``middle``.
+    """
+    front = _before(plan, face, face.u)
+    ceiling = plan.ceiling[front[:, 0], front[:, 1]]
+    with np.errstate(invalid="ignore"):
+        upper = near & (face.z > ceiling - UPPER_M) & (face.z < ceiling + 0.05)
     if upper.sum() < 4:
         return None
     bins = np.unique(np.floor(face.u[upper] / plan.cell))
     support = len(bins) * plan.cell
-    if support < LEAST_LINE_M or face.area[upper].sum() < LEAST_UPPER_HEIGHT_M * support:
+    if support < LEAST_LINE_M:
         return None
-    place = face.normal * face.offset + ((bins + 0.5) * plan.cell)[:, None] * face.along
-    front = np.floor((place + 2.5 * plan.cell * face.normal - plan.low) / plan.cell).astype(np.int64)
-    front = np.clip(front, 0, np.array(mask.shape) - 1)
+    if face.area[upper].sum() < LEAST_UPPER_HEIGHT_M * support and not _stands_beside(face, near, upper, middle):
+        return None
+    front = _before(plan, face, (bins + 0.5) * plan.cell)
     if mask[front[:, 0], front[:, 1]].mean() < 0.5:
         return None
     return _Line(face.normal, face.offset, row, support)
+
+
+def _stands_beside(face: Face, near: NDArray[np.bool_], upper: NDArray[np.bool_], middle: float) -> bool:
+    """Whether somewhere along it, a pier beside a window, the face is seen below the ceiling and nearly down to the floor."""
+    column = np.floor((face.u - face.u.min()) / COLUMN_M).astype(np.int64)
+    tall = np.bincount(column[upper], face.area[upper], minlength=column.max() + 1) >= LEAST_UPPER_HEIGHT_M * COLUMN_M
+    below = near & (face.z < middle)
+    deep = np.bincount(column[below], face.area[below], minlength=column.max() + 1) >= LEAST_BELOW_M * COLUMN_M
+    return bool((tall & deep).any())
+
+
+def _before(plan: PlanRaster, face: Face, u: Array) -> NDArray[np.int64]:
+    """Cells before the face at places along it."""
+    place = face.normal * face.offset + u[:, None] * face.along
+    return plan.cells(place + BEFORE_CELLS * plan.cell * face.normal)
 
 
 def _without_doubles(lines: list[_Line]) -> list[_Line]:

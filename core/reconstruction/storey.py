@@ -21,10 +21,11 @@ from .crossings import BAND_M, Crossings, cross
 from .face_points import EDGE_M, REACH_M, surface_returns
 from .faces import find_faces, upright_surfels
 from .fitted import FIT_POINTS, LEAST_FIT, FaceReturns, Survey, face_returns, fitted_face, returns_on, room_faces
+from .hole_rectangles import FaceRaster
 from .joins import JoinedWall, join_walls
 from .levels import Storey
-from .openings import FaceRaster, Opening, face_raster, find_openings
-from .plan import make_plan
+from .openings import Opening, face_raster, find_openings
+from .plan import PlanRaster, make_plan
 from .rooms import Room, find_rooms
 from .thickness import Hint, hint, settle
 from .walls import SEEN_OUTSIDE, WallLine, find_walls
@@ -34,6 +35,10 @@ Array = NDArray[np.float64]
 LEAST_SOLID = 0.12
 """A wall of which less is solid, where anything is known, is no wall: an opening of the whole width, a row of lamps."""
 NOISE_FACTOR = 4.0
+BEFORE_WALL_M = 0.12
+HIGHEST = 0.97
+SLOPE_M = 0.1
+"""A ceiling that is nowhere along a wall farther from its room's level is level there."""
 LOST_SHARE = 0.2
 """In a room behind a hole all rays come back but a few."""
 
@@ -94,7 +99,7 @@ def draft_storey(
     work = []
     for k, line in enumerate(lines):
         progress.update(0.35 + 0.5 * k / max(len(lines), 1), "Looking for openings")
-        found = _examine(cloud, line, rooms, storey, band)
+        found = _examine(cloud, line, rooms, storey, plan, band)
         if found is not None:
             work.append(found)
     settle([w.line for w in work], [_hint(w, band) for w in work])
@@ -202,10 +207,11 @@ def _hint(work: _Work, band: float) -> Hint:
     return hint(work.sides[0], work.openings, band)
 
 
-def _examine(cloud: Cloud, line: WallLine, rooms: list[Room], storey: Storey, band: float) -> _Work | None:
-    own = [rooms[r] for r in line.rooms]
-    base = min((r.floor for r in own), default=storey.floor)
-    top = max((r.ceiling for r in own), default=storey.ceiling)
+def _examine(
+    cloud: Cloud, line: WallLine, rooms: list[Room], storey: Storey, plan: PlanRaster, band: float
+) -> _Work | None:
+    base = min((rooms[r].floor for r in line.rooms), default=storey.floor)
+    top = max((ceiling_along(plan, line, r, rooms[r].ceiling) for r in line.rooms), default=storey.ceiling)
     u, z = (line.u0, line.u1), (base, top)
     sides = [cross(cloud, line.normal, line.near, line.along, u, z, band)]
     if line.two_sided:
@@ -217,6 +223,25 @@ def _examine(cloud: Cloud, line: WallLine, rooms: list[Room], storey: Storey, ba
     lost = any(p.right < 0 for p in line.pieces)
     openings = find_openings(raster, sides, base, line.thickness or 0.5, band, lost)
     return _Work(line, sides, raster, openings, base, top)
+
+
+def ceiling_along(plan: PlanRaster, line: WallLine, room: int, level: float) -> float:
+    """The highest that a room's ceiling gets along a wall [m]; ``level``, that of the room, where it is level there."""
+    heights = [np.zeros(0)]
+    for p in line.pieces:
+        u = np.arange(p.u0 + BEFORE_WALL_M, p.u1 - BEFORE_WALL_M, plan.cell)[:, None] * p.along
+        for own, face, into in ((p.left, p.near, 1.0), (p.right, p.near - (p.thickness or 0.0), -1.0)):
+            if own == room:
+                cells = [plan.cells(u + (face + into * k * BEFORE_WALL_M) * p.normal) for k in (1, 2)]
+                near, far = (plan.ceiling[c[:, 0], c[:, 1]] for c in cells)
+                # a slope goes on to the wall, a step does not
+                heights.append(np.where(np.abs(near - far) < BEFORE_WALL_M, 2.0 * near - far, near))
+    seen = np.concatenate(heights)
+    seen = seen[np.isfinite(seen)]
+    if not len(seen):
+        return level
+    lowest, highest = np.quantile(seen, [1.0 - HIGHEST, HIGHEST])
+    return float(highest) if max(level - lowest, highest - level) > SLOPE_M else level
 
 
 def _sharpen(line: WallLine, sides: list[Crossings], band: float) -> list[Crossings]:

@@ -8,7 +8,8 @@ import numpy as np
 
 from .building import ASSUMED, REVEAL
 from .crossings import Crossings
-from .opening_fill import Span, reveal_depth
+from .opening_edges import SIDES
+from .opening_fill import Span, passed_depth, reveal_depth
 from .openings import Opening
 from .walls import WallLine
 
@@ -20,6 +21,9 @@ LEAST_M, MOST_M = 0.06, 0.8
 BEHIND_LEAF_M = 0.05
 """A wall goes on at least this far behind the deepest leaf or pane of its kind."""
 SAME_REVEAL_M = 0.02
+EDGE_SIGMAS = 3.0
+EDGE_M = 0.002
+"""A ray is out of a hole this many standard deviations of its edge, and this far, beyond it."""
 REVEAL_SIGMA_M = 0.005
 LEAF_SIGMA_M = 0.05
 BORROWED_SIGMA_M = 0.12
@@ -34,14 +38,18 @@ class Hint:
     """Depths between which a reveal ends that goes on behind the leaf."""
     at_least: float
     leaf: float | None
+    at_most: float = np.inf
+    """Rays went on beside its holes at this depth."""
 
 
 def hint(side: Crossings, openings: list[Opening], band: float) -> Hint:
     """From all openings of a wall."""
     reveals: list[Span] = []
-    least, leaves = 0.0, []
+    least, most, leaves = 0.0, np.inf, []
     for opening in openings:
-        span, leaf = reveal_depth(side, (opening.u0, opening.u1, opening.z0, opening.z1), band)
+        box = opening.u0, opening.u1, opening.z0, opening.z1
+        most = min(most, passed_depth(side, box, _margins(opening)))
+        span, leaf = reveal_depth(side, box, band)
         if leaf is not None:
             leaves.append(leaf)
         if span is None or not LEAST_M < span[0] < MOST_M or opening.kind != "window":
@@ -51,8 +59,22 @@ def hint(side: Crossings, openings: list[Opening], band: float) -> Hint:
             reveals.append(span)
     # reveals end at the frame in other openings of the same wall: a depth is an end only if nothing goes deeper
     reveals = [r for r in reveals if r[1] >= least and not (leaves and r[0] < min(leaves) + BEYOND_LEAF_M)]
-    reveal = (_common(reveals) or max(reveals)) if reveals else None
-    return Hint(reveal, least, float(np.median(leaves)) if leaves else None)
+    reveal = _ended((_common(reveals) or max(reveals)), most) if reveals else None
+    return Hint(reveal, least, float(np.median(leaves)) if leaves else None, most if most > least - REVEAL_SIGMA_M else np.inf)
+
+
+def _margins(opening: Opening) -> tuple[float, float, float, float]:
+    """How far beyond each edge is surely out of the hole; endless beyond one that was not seen [m]."""
+    start, end, sill, head = (
+        np.inf if name in opening.hidden else EDGE_SIGMAS * sigma + EDGE_M
+        for name, sigma in zip(SIDES, opening.edge_sigma, strict=True)
+    )
+    return start, end, sill, head
+
+
+def _ended(span: Span, most: float) -> Span:
+    """A reveal's end where rays went on at the depth ``most``; what contradicts the reveal is of another wall."""
+    return span if most < span[0] - REVEAL_SIGMA_M else (span[0], max(span[0], min(span[1], most)))
 
 
 def _common(spans: list[Span]) -> Span | None:
@@ -73,6 +95,9 @@ def settle(walls: list[WallLine], hints: list[Hint]) -> None:
     open_walls = [(w, h) for w, h in zip(walls, hints, strict=True) if not w.two_sided]
     reveals = [h.reveal for _, h in open_walls if h.reveal is not None]
     common = _common(reveals)
+    if common is not None:
+        for _, h in open_walls:
+            common = _ended(common, h.at_most)
     typical = float(np.mean(common)) if common else float(np.median(np.mean(reveals, axis=1))) if reveals else None
     # a leaf or pane is taken to stand in the middle of the wall; walls of a storey that are like each other tell more
     leaves = [h.leaf for _, h in open_walls if h.leaf is not None]
@@ -87,5 +112,6 @@ def settle(walls: list[WallLine], hints: list[Hint]) -> None:
             wall.thickness = typical
         else:
             wall.thickness = middle if middle is not None else DEFAULT_M
+        wall.thickness = min(wall.thickness, h.at_most)
         if wall.source == ASSUMED and h.leaf is not None:
             wall.thickness_sigma = LEAF_SIGMA_M
