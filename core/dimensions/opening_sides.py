@@ -15,6 +15,11 @@ ENOUGH = 0.5
 """Share of a side that is free, or was measured, beyond which another reason is likelier."""
 
 
+def at_the_face(what: str) -> str:
+    """The name of a width or height between edges on the wall's faces."""
+    return f"{what} at the face"
+
+
 def why_not(what: str, normal: Array, exposed: Flags, measured: Flags, fillings: Sequence[str]) -> str:
     """From the (N, 3) normals of the places on an opening's sides, whether they are free and whether they were measured."""
     upright = np.abs(normal[:, 2]) < 0.5
