@@ -20,7 +20,7 @@ from ..results import VerificationResult
 from .corners import Bound, Room, corner_rows
 from .opening_edges import hole_on_face, scanner_rays
 from .opening_faces import planned_hole
-from .opening_sides import ROLES, at_the_face, why_not
+from .opening_sides import ROLES, at_the_face, in_the_frame, why_not
 from .regions import Region, read_regions
 from .table import Dimension, conformity, unmeasured, width
 
@@ -127,7 +127,7 @@ def _opening(
     for what in ROLES:
         clear = [r for r in found if r.what == what] + [r for r in edged if r.what == at_the_face(what)]
         if not clear and what in inner:
-            clear = [replace(inner[what], what=f"{what} in the frame")]
+            clear = [replace(inner[what], what=in_the_frame(what))]
         if not clear and elements[host].ifc_class.startswith("IfcWall"):
             reason = why_not(what, samples.normal[sides], samples.exposed[sides], measured[sides], [names[k] for k in fillings])
             clear = [unmeasured(opening.name, opening.global_id, what, (names[host],), reason)]
@@ -167,8 +167,11 @@ def opening_shares(rows: Sequence[Dimension]) -> str:
     for what in ROLES:
         own = [r for r in rows if r.opening and r.what.startswith(what)]
         measured = {r.global_id for r in own if r.value is not None}
-        framed = sum(r.what != what for r in own)
-        told.append(f"{what}s of {len(measured)} of {len({r.global_id for r in own})} openings ({framed} within a frame)")
+        framed, edged = (sum(r.what == other for r in own) for other in (in_the_frame(what), at_the_face(what)))
+        told.append(
+            f"{what}s of {len(measured)} of {len({r.global_id for r in own})} openings ({edged} between edges on the wall's "
+            f"face, {framed} within a frame)"
+        )
     return f"Measured: {', '.join(told)}; the others have a line that says why not."
 
 

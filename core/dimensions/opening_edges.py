@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 
 from ..planes.cloud import Cloud
 from ..planes.derived import Estimate
-from ..reconstruction.crossings import BAND_M, Crossings, cross
+from ..reconstruction.crossings import Crossings, cross
 from ..reconstruction.opening_edges import SIDES, EdgePlace, Returns, edge_near, gathered
 from ..reconstruction.openings import Opening, face_raster, find_openings
 from ..results import CAMERA_SENSOR, VerificationResult
-from .opening_faces import Box, OpeningFace, PlannedHole
+from .opening_faces import Box, OpeningFace, PlannedHole, face_band
 
 Array = NDArray[np.float64]
 
-NOISE_FACTOR = 4.0
 SAME_SHARE = 0.6
 """A hole is the planned one where they share this much of both their sides."""
 LEAST_ON_FACE = 50
@@ -78,7 +77,7 @@ def hole_on_face(hole: PlannedHole, cloud: Cloud, sigma: float, pose_sigma: floa
 
     ``cloud`` is in the model's local frame, ``sigma`` that of a return [m].
     """
-    band = max(BAND_M, NOISE_FACTOR * sigma)
+    band = face_band(sigma)
     sides = [side for face in hole.faces if (side := _side(face, cloud, band)) is not None]
     if not sides:
         return None

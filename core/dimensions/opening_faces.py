@@ -17,6 +17,7 @@ Rows = NDArray[np.int64]
 Box = tuple[float, float, float, float]
 """Start, end, foot, head on a face [m]."""
 
+NOISE_FACTOR = 4.0
 AROUND_M = 0.4
 """So far around an opening its wall is looked at."""
 LEAST_AROUND = 20
@@ -26,11 +27,14 @@ SAME_FACE_M = 0.005
 LEVEL = np.sin(np.radians(5.0))
 LEAST_PRISM = 0.99
 """Of the box about it that an opening fills."""
-FLUSH_M = 1.5 * BAND_M
-"""What stands nearer to the wall's face than this is not told from it."""
 FLUSH_SHARE = 0.5
 """Share of the strip along an edge in which something lies on the wall's face, so that the edge does not show."""
 RIM_M = 0.04
+
+
+def face_band(sigma: float) -> float:
+    """Half-width of the band about a face whose returns lie on it [m]; ``sigma`` is that of a return."""
+    return max(BAND_M, NOISE_FACTOR * sigma)
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,8 @@ def planned_hole(opening: Region, host: int, fillings: Sequence[int], result: Ve
     if sum(map(len, lying)) < LEAST_OF_WALL * len(around):
         return None
     faces = []
+    # what stands nearer to the face is not told from it
+    not_told = face_band(result.options.sigma) + NOISE_FACTOR * result.options.sigma
     filled = np.concatenate([np.arange(0), *(np.arange(first[k], first[k + 1]) for k in fillings)])
     for (sign, _), rows, at in zip(sides, lying, offsets, strict=True):
         off = result.evidence.deviation[rows]
@@ -92,7 +98,9 @@ def planned_hole(opening: Region, host: int, fillings: Sequence[int], result: Ve
         if at is None or len(off) < LEAST_AROUND:
             continue
         by = float(np.median(off))
-        if _covered(samples.position[filled], along, across, at + sign * by, box):
+        flush = samples.position[filled]
+        flush = flush[np.abs(flush[:, :2] @ across - at - sign * by) < not_told]
+        if _covered(flush @ _on_face(along), box):
             continue
         places, z = samples.position[rows, :2] @ along, samples.position[rows, 2]
         reach = float(places.min()), float(places.max()), float(z.min()), float(z.max())
@@ -111,14 +119,16 @@ def _across(normals: Array) -> Array:
     return np.asarray(own.mean(axis=0) / np.linalg.norm(own.mean(axis=0)))
 
 
-def _covered(places: Array, along: Array, across: Array, at: float, box: Box) -> bool:
-    """Whether something that stands in the opening lies on the wall's face along an edge."""
-    flush = places[np.abs(places[:, :2] @ across - at) < FLUSH_M]
-    u, z = flush[:, :2] @ along, flush[:, 2]
-    for place, other, edge, (low, high) in (
-        (u, z, box[0], box[2:]), (u, z, box[1], box[2:]), (z, u, box[3], box[:2])
-    ):  # fmt: skip
-        strip = np.abs(place - edge) < RIM_M
-        if strip.any() and np.ptp(other[strip]) > FLUSH_SHARE * (high - low):
+def _on_face(along: Array) -> Array:
+    """(3, 2) from places to places on a face."""
+    return np.array([[along[0], 0.0], [along[1], 0.0], [0.0, 1.0]])
+
+
+def _covered(flush: Array, box: Box) -> bool:
+    """Whether something at (N, 2) places on the wall's face lies along one of the upper three edges."""
+    for k, edge in ((0, box[0]), (0, box[1]), (1, box[3])):
+        low, high = box[2 - 2 * k : 4 - 2 * k]
+        strip = np.abs(flush[:, k] - edge) < RIM_M
+        if strip.any() and np.ptp(flush[strip, 1 - k]) > FLUSH_SHARE * (high - low):
             return True
     return False

@@ -20,6 +20,11 @@ def at_the_face(what: str) -> str:
     return f"{what} at the face"
 
 
+def in_the_frame(what: str) -> str:
+    """The name of one between the inner faces of what stands in the opening."""
+    return f"{what} in the frame"
+
+
 def why_not(what: str, normal: Array, exposed: Flags, measured: Flags, fillings: Sequence[str]) -> str:
     """From the (N, 3) normals of the places on an opening's sides, whether they are free and whether they were measured."""
     upright = np.abs(normal[:, 2]) < 0.5
