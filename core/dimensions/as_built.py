@@ -145,7 +145,8 @@ def _between_edges(
     found = None if hole is None or rays is None else hole_on_face(hole, rays, result.options.sigma, sigma)
     if hole is None or found is None:
         return
-    name, start, end, own = opening.name, hole.box[0], hole.box[1], (names[host],)
+    name, start, end = opening.name, hole.box[0], hole.box[1]
+    own: tuple[str, ...] = (names[host],)
     if (wide := found.distance("start", "end")) is not None:
         yield width(name, opening.global_id, at_the_face("width"), own, wide, end - start)
     high, planned = found.distance("sill", "head") if hole.on_wall else None, opening.high - opening.low

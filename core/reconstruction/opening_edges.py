@@ -172,8 +172,8 @@ def _between(last_solid: Array, first_open: Array, noise: float, side: float) ->
     t = np.arange(min(middles) - BEYOND_M, max(middles) + BEYOND_M, GRID_M)
     log = np.zeros(len(t))
     for sign, values in ((1.0, last_solid), (-1.0, first_open)):
-        place, sigma = _columns(values, noise)
-        log += np.log(STRAY + (1.0 - STRAY) * ndtr(sign * (t[:, None] - place) / sigma)).sum(axis=1)
+        column, spread = _columns(values, noise)
+        log += np.log(STRAY + (1.0 - STRAY) * ndtr(sign * (t[:, None] - column) / spread)).sum(axis=1)
     likely = gaussian_filter1d(np.exp(log - np.max(log)), BEAM_M[1] / GRID_M, mode="constant")
     t = t - BEAM_M[0]
     likely /= likely.sum()
