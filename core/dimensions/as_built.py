@@ -20,7 +20,7 @@ from ..results import VerificationResult
 from .corners import Bound, Room, corner_rows
 from .opening_edges import hole_on_face, scanner_rays
 from .opening_faces import planned_hole
-from .opening_sides import ROLES, at_the_face, in_the_frame, why_not
+from .opening_sides import NO_SCANS, ROLES, at_the_face, in_the_frame, why_not
 from .regions import Region, read_regions
 from .table import Dimension, conformity, unmeasured, width
 
@@ -130,6 +130,8 @@ def _opening(
             clear = [replace(inner[what], what=in_the_frame(what))]
         if not clear and elements[host].ifc_class.startswith("IfcWall"):
             reason = why_not(what, samples.normal[sides], samples.exposed[sides], measured[sides], [names[k] for k in fillings])
+            if rays is None and not result.photos_only:
+                reason += f"; {NO_SCANS}"
             clear = [unmeasured(opening.name, opening.global_id, what, (names[host],), reason)]
         rows += [replace(r, opening=True) for r in clear]
     return rows

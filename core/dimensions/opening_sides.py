@@ -11,6 +11,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 ROLES = ("width", "height")
+NO_SCANS = "its edges on the wall's face were not looked for, because the scans are no longer there"
 ENOUGH = 0.5
 """Share of a side that is free, or was measured, beyond which another reason is likelier."""
 

@@ -16,13 +16,14 @@ from .inputs import limited_threads, open_campaign
 def dimensions(
     result: VerificationResult, source: str | Path | None = None, progress: Progress | None = None
 ) -> list[Dimension]:
-    """Rooms and openings of a verified model as built. The scans are read once more.
+    """Rooms and openings of a verified model as built. The scans are read once more, for the edges of openings.
 
-    ``source``: the IFC file, where it is another than ``result.model.path``. Raises BimVerifyError when a file cannot be read.
+    ``source``: the IFC file, where it is another than ``result.model.path``. Scans that have gone since the verification leave
+    openings without edges, and their rows say so. Raises BimVerifyError when a file cannot be read.
     """
     progress = progress or Progress()
     options = result.options
-    if result.photos_only:
+    if result.photos_only or not all(Path(path).exists() for path in result.scan_paths):
         return as_built_dimensions(result, source)
     with limited_threads(options.threads):
         scans = open_campaign(result.model, list(result.scan_paths), options)

@@ -173,7 +173,8 @@ def test_a_door_ends_at_the_floor_and_what_is_covered_says_so(tmp_path: Path) ->
     set_ups = tuple(set_up(f"S{k}", np.array(p) - model.origin, 5, k) for k, p in enumerate(places))
     scanner = replace(PRESETS["fast"], angular_step=float(np.radians(0.5)), sigma_range=0.001, sigma_signal=0.0)
     scan_to_files(Campaign(model, scanner, set_ups, {}, (), 5), tmp_path / "doors.e57", None)
-    rows = dimensions(verify(model, [tmp_path / "doors.e57"], VerifyOptions(sigma=0.001)))
+    result = verify(model, [tmp_path / "doors.e57"], VerifyOptions(sigma=0.001))
+    rows = dimensions(result)
     own = {(r.where, r.what): r for r in rows if r.opening}
     height = own["bare", "height"]
     assert set(height.between) == {"floor", "south"} and height.planned == pytest.approx(2.1, abs=1e-6)
@@ -183,6 +184,10 @@ def test_a_door_ends_at_the_floor_and_what_is_covered_says_so(tmp_path: Path) ->
     edges = own["bare", "width at the face"]
     assert edges.planned == pytest.approx(0.9, abs=1e-6) and edges.value is not None and edges.sigma is not None
     assert abs(edges.value - 0.9) < 1.96 * edges.sigma < 0.03
+    (tmp_path / "doors.e57").unlink()
+    left = {(r.where, r.what): r for r in dimensions(result) if r.opening}
+    assert left["bare", "width"] == own["bare", "width"] and ("bare", "width at the face") not in left
+    assert "scans are no longer there" in left["covered", "width"].reason
     assert "widths of 1 of 2 openings (1 between edges" in opening_shares(rows) and "heights of 1 of 2" in opening_shares(rows)
     write_dimensions(tmp_path / "d.csv", rows)
     assert "covered by door" in (tmp_path / "d.csv").read_text(encoding="utf-8-sig")
