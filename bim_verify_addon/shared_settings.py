@@ -39,7 +39,7 @@ class ReportBeside:
 
 
 class ReconstructOutputs(ReportBeside):
-    """What else a reconstruction writes, and what it is compared with."""
+    """What else a reconstruction writes, what it is compared with, and what is known of the scans' registration."""
 
     with_dimensions: BoolProperty(
         name="Dimensions", default=False,
@@ -47,6 +47,14 @@ class ReconstructOutputs(ReportBeside):
     )
     reference: StringProperty(
         name="Compare with", subtype="FILE_PATH", description="IFC file that what was made is compared with; empty for none"
+    )
+    registration_known: BoolProperty(
+        name="Registration known", default=False,
+        description="Give the standard deviation of the stations' positions instead of estimating it from their agreement",
+    )
+    registration_sigma_mm: FloatProperty(
+        name="Registration sigma (mm)", default=1.0, min=0.0, max=999.0,
+        description="Standard deviation of a station's position, millimetres; zero for exact poses",
     )
 
 

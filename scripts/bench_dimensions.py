@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 PACKAGE = package()
 
-from bim_verify.core.dimensions.as_built import as_built_dimensions, opening_shares  # noqa: E402
+from bim_verify.core.dimensions.as_built import opening_shares  # noqa: E402
 from bim_verify.core.dimensions.table import Dimension  # noqa: E402
-from bim_verify.core.jobs import verify  # noqa: E402
+from bim_verify.core.jobs import dimensions, verify  # noqa: E402
 from bim_verify.core.model.elements import BuildingModel  # noqa: E402
 from bim_verify.core.model.load import load_model  # noqa: E402
 from bim_verify.core.options import VerifyOptions  # noqa: E402
@@ -34,6 +34,7 @@ from bim_verify.core.simulation.storeys import write_building  # noqa: E402
 
 Array = NDArray[np.float64]
 PARALLEL = 0.99
+FACE = " at the face"
 MOVING = ("IfcWall", "IfcSlab")
 SHIFT_M = 0.005
 NOISES_M, REGISTRATIONS, UNEVEN = (0.001, 0.002, 0.003), ((0.0, 0.0), (0.0008, 3e-5), (0.002, 1e-4)), (0.0, 0.0005, 0.001)
@@ -58,7 +59,7 @@ def true_value(row: Dimension, model: BuildingModel, edits: dict[int, Edit]) -> 
     None for a test or a vertex, where an element has no name of its own, and where two elements are not parallel: an end
     face stays where its wall moves across.
     """
-    if row.planned is None or row.what not in ("width", "height"):
+    if row.planned is None or row.what.removesuffix(FACE) not in ("width", "height"):
         return None
     if len(row.between) == 1:
         return row.planned
@@ -67,7 +68,7 @@ def true_value(row: Dimension, model: BuildingModel, edits: dict[int, Edit]) -> 
         return None
     a, b = (names.index(name) for name in row.between)
     shift = [edits[k].vector if k in edits else np.zeros(3) for k in (a, b)]
-    if row.opening and row.what == "height":
+    if row.opening and row.what.startswith("height"):
         # a lintel over a floor, which is the slab
         below, above = sorted((0, 1), key=lambda k: model.elements[(a, b)[k]].ifc_class)
         return row.planned + float(shift[above][2] - shift[below][2])
@@ -102,7 +103,7 @@ def main() -> None:
             bumps = Unevenness(uneven, 0.6, number) if uneven > 0 else None
             scan_to_files(Campaign(model, scanner, set_ups, edits, (), number, poses, unevenness=bumps), scan, None)
             own: dict[str, list[tuple[float, float]]] = {}
-            rows = as_built_dimensions(verify(model, [scan], VerifyOptions(sigma=noise)))
+            rows = dimensions(verify(model, [scan], VerifyOptions(sigma=noise)))
             print(opening_shares(rows))
             for row in rows:
                 if row.value is not None and row.sigma is not None and (value := true_value(row, model, edits)) is not None:

@@ -1,10 +1,11 @@
 """How often the 95 % intervals of the edges of openings hold: single walls with a hole behind boxes, all drawn by chance.
 
-    python scripts/bench_edges.py [--walls 60] [--seed 1]
+    python scripts/bench_edges.py [--walls 60] [--seed 1] [--pose-mm 0]
 
 A wall of 4 m x 2.6 m with a door's hole or a window (frame, a pane that sends a third of the rays back), one to three boxes
 before it, one or two stations with grids of 0.2, 0.3 or 0.5 degrees, 2 mm noise. A beam whose middle passes an edge by less
-than 1 to 3 mm returns from the face. Only ``find_openings`` is run, so many
+than 1 to 3 mm returns from the face. With ``--pose-mm`` every station is off by as much along each axis, and edges count it
+as in a reconstruction. Only ``find_openings`` is run, so many
 walls take little time; ``bench_reconstruct.py`` prints the same for whole storeys.
 """
 
@@ -58,10 +59,16 @@ def draw_boxes(rng: np.random.Generator, hole: Hole) -> list[tuple[Array, Array]
     return boxes
 
 
-def scan(rng: np.random.Generator, step_deg: float, hole: Hole, thick: float, window: bool) -> Crossings:
+def scan(
+    rng: np.random.Generator, step_deg: float, hole: Hole, thick: float, window: bool, pose: float = 0.0
+) -> Crossings:
     """What all stations together see of the wall y = 0 from the side y > 0."""
     boxes = draw_boxes(rng, hole)
     rows = [_station(rng, step_deg, hole, thick, window, boxes) for _ in range(rng.integers(1, 3))]
+    if pose > 0.0:
+        for own in rows:
+            along, across, up = rng.normal(0.0, pose, 3)
+            own += (along, up, across, along, up)
     u, z, depth, end_u, end_z = np.concatenate(rows).T
     return Crossings(u, z, depth, end_u, end_z, np.arange(len(u)))
 
@@ -115,14 +122,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--walls", type=int, default=60)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--pose-mm", type=float, default=0.0)
     arguments = parser.parse_args()
+    pose = arguments.pose_mm / 1000
     off: dict[str, list[tuple[float, float]]] = {"seen edges": [], "hidden edges": [], "widths and heights of seen edges": []}
     found = parts = 0
     for number in range(arguments.walls):
         rng = np.random.default_rng((arguments.seed, number))
         step = float(rng.choice([0.2, 0.3, 0.5]))
         hole, thick, window = draw_hole(rng)
-        side = scan(rng, step, hole, thick, window)
+        side = scan(rng, step, hole, thick, window, pose)
         openings = find_openings(face_raster([side], (0.0, WIDE), (0.0, HIGH), BAND_M), [side], 0.0, thick, BAND_M, window)
         own = [
             o for o in openings
@@ -134,7 +143,7 @@ def main() -> None:
             continue
         found += 1
         errors = np.array([own[0].u0, own[0].u1, own[0].z0, own[0].z1]) - hole
-        sigmas = np.array(own[0].edge_sigma)
+        sigmas = np.hypot(own[0].edge_sigma, pose)
         for name, error, sigma in zip(SIDES, errors, sigmas, strict=True):
             off["hidden edges" if name in own[0].hidden else "seen edges"].append((abs(error), sigma))
         for k in (0, 2):

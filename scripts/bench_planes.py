@@ -1,6 +1,6 @@
 """Monte Carlo against the analytic covariances of planes, vertices, edges, slopes, distances and angles.
 
-    python scripts/bench_planes.py [--runs 10000] [--uneven-runs 400]
+    python scripts/bench_planes.py [--runs 10000] [--uneven-runs 400] [--wall MM M]
 
 Four parts: independent noise (every standard deviation against its sample), surfaces with an unevenness that is estimated
 from each run's residuals (how often the 95 % intervals hold), single walls with other unevenness, and the findings of
@@ -10,7 +10,7 @@ Jarzabek-Rychard and Maas 2023.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,8 @@ Array = NDArray[np.float64]
 ROOM = np.array([5.2, 4.1, 2.8])
 STATION = np.array([2.1, 1.7, 1.5])
 FACES = {"west": (0, 0.0), "east": (0, 1.0), "south": (1, 0.0), "north": (1, 1.0), "floor": (2, 0.0), "ceiling": (2, 1.0)}
+WALLS = ((0.0, 1.0), (0.3, 0.5), (1.0, 0.5), (1.0, 1.5), (2.0, 0.5), (3.0, 2.0))
+"""Uneven by (mm) over (m)."""
 BLK360 = PointNoise(0.001, 0.0003, np.radians(40 / 3600))
 """Declared of the scanner of the source: 4 mm at 10 m, 7 mm at 20 m, 40 arc seconds."""
 
@@ -193,11 +195,11 @@ def uneven(runs: int, sigma: float = 0.002, length: float = 0.5) -> None:
           f"estimated unevenness (median {np.median(estimates) * 1000:.2f} mm), {np.mean(naive):.1%} without")
 
 
-def walls(runs: int) -> None:
-    """The same for a single wall, at its corners and its middle, with other unevenness (mm, m) and with none."""
+def walls(runs: int, cases: Sequence[tuple[float, float]]) -> None:
+    """The same for a single wall, at its corners and its middle, uneven by (mm) over (m) of each case."""
     places = np.array([[0.0, y * ROOM[1], z * ROOM[2]] for y, z in ((0, 0), (1, 0), (0.5, 0.5), (1, 1), (0.1, 0.5))])
     noise = PointNoise(0.002, 0.0, 4e-5)
-    for sigma, length in ((0.0, 1.0), (0.3, 0.5), (1.0, 0.5), (1.0, 1.5), (2.0, 0.5), (3.0, 2.0)):
+    for sigma, length in cases:
         rng = np.random.default_rng((7, round(10 * sigma), round(10 * length)))
         true = face("west", 1500, rng)
         cells, index = np.unique(np.round(true[:, 1:] / 0.12) * 0.12, axis=0, return_inverse=True)
@@ -246,8 +248,12 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=10000)
     parser.add_argument("--uneven-runs", type=int, default=400)
+    parser.add_argument("--wall", type=float, nargs=2, metavar=("MM", "M"), help="only a wall uneven by MM over M metres")
     arguments = parser.parse_args()
-    independent(arguments.runs)
-    uneven(arguments.uneven_runs)
-    walls(arguments.uneven_runs)
-    findings()
+    if arguments.wall:
+        walls(arguments.uneven_runs, [tuple(arguments.wall)])
+    else:
+        independent(arguments.runs)
+        uneven(arguments.uneven_runs)
+        walls(arguments.uneven_runs, WALLS)
+        findings()

@@ -38,7 +38,12 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    layout.prop(context.scene.bim_verify_reconstruct, "reference")
+    settings = context.scene.bim_verify_reconstruct
+    layout.prop(settings, "reference")
+    layout.prop(settings, "registration_known")
+    row = layout.row()
+    row.active = settings.registration_known
+    row.prop(settings, "registration_sigma_mm")
 
 
 def _forget(scene: bpy.types.Scene) -> None:

@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 
 def dimensions_reader() -> Callable[[VerificationResult], list[Dimension]]:
     """What finds the dimensions as built, from Bonsai's file in memory where it holds one. Call this on the main thread."""
-    from ...core.dimensions.as_built import as_built_dimensions
+    from ...core.jobs import dimensions
 
     if (live := bonsai.live_copy()) is None:
-        return as_built_dimensions
+        return dimensions
     folder, copy = live
 
     def of_live(result: VerificationResult) -> list[Dimension]:
         with folder:
-            return as_built_dimensions(result, copy)
+            return dimensions(result, copy)
 
     return of_live
 

@@ -79,7 +79,8 @@ class BIMVERIFY_OT_reconstruct(IfcToWrite, ReconstructOutputs, FileJob[Made], bp
         inputs.refuse(path, beside=[compared])
         common = project.options(settings)
         options = ReconstructOptions(
-            sigma=common.sigma, scan_frame=common.scan_frame, origin=common.origin, threads=common.threads,
+            sigma=common.sigma, registration_sigma=self.registration_sigma_mm / 1000 if self.registration_known else None,
+            scan_frame=common.scan_frame, origin=common.origin, threads=common.threads,
             memory_gb=common.memory_gb,
         )
         show = self.show and bonsai.live_file() is None

@@ -37,8 +37,9 @@ def verify_options(values: Values) -> VerifyOptions:
 
 
 def _verify(values: Values, progress: Progress) -> Outcome:
-    from ..dimensions.as_built import as_built_dimensions, opening_shares
+    from ..dimensions.as_built import opening_shares
     from ..dimensions.table import dimensions_to_json, write_dimensions
+    from ..jobs import dimensions as dimensions_of
     from ..jobs import verify
     from ..model.write_psets import write_verified_ifc
     from ..report.html import PAGE, TABLE, write_report
@@ -59,7 +60,7 @@ def _verify(values: Values, progress: Progress) -> Outcome:
     data = result_to_json(result)
     dimensions = None
     if values["dimensions"]:
-        dimensions = as_built_dimensions(result)
+        dimensions = dimensions_of(result, progress=progress.part(0.8, 0.85))
         data["dimensions"] = dimensions_to_json(dimensions)
     lines = [*summary_lines(result), f"Property sets: {values['out']}"]
     if values["report"]:
@@ -73,7 +74,7 @@ def _verify(values: Values, progress: Progress) -> Outcome:
         if values["samples"]:
             write_samples(values["samples"], result)
         if values["report"]:
-            write_report(values["report"], result, dimensions=dimensions or (), progress=progress.part(0.8, 0.9))
+            write_report(values["report"], result, dimensions=dimensions or (), progress=progress.part(0.85, 0.9))
         if dimensions is not None:
             write_dimensions(values["dimensions"], dimensions)
         exports.write(values, result, progress.part(0.9, 1.0))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
+from ..planes.cloud import Cloud
 from ..planes.conformity import flatness, orthogonality, parallelism, plumb
 from ..planes.derived import Estimate, distance_between
 from ..planes.fit import Plane, fit_plane
@@ -17,7 +18,9 @@ from ..planes.noise import PointNoise
 from ..planes.unevenness import Unevenness, with_unevenness
 from ..results import VerificationResult
 from .corners import Bound, Room, corner_rows
-from .opening_sides import ROLES, why_not
+from .opening_edges import hole_on_face, scanner_rays
+from .opening_faces import planned_hole
+from .opening_sides import NO_SCANS, ROLES, at_the_face, in_the_frame, why_not
 from .regions import Region, read_regions
 from .table import Dimension, conformity, unmeasured, width
 
@@ -62,12 +65,15 @@ class Face:
     unevenness: Unevenness | None
 
 
-def as_built_dimensions(result: VerificationResult, source: str | Path | None = None) -> list[Dimension]:
+def as_built_dimensions(
+    result: VerificationResult, source: str | Path | None = None, cloud: Cloud | None = None
+) -> list[Dimension]:
     """Clear widths and heights of every space and opening of the model's file; of the spaces also vertices, edges, slopes,
     unevenness and tests of their faces.
 
-    ``source``: the file, where it is another than ``result.model.path``. Only faces that were measured are used. Raises
-    BimVerifyError when the file cannot be read.
+    ``source``: the file, where it is another than ``result.model.path``; ``cloud``: the returns that were verified with, in
+    the model's frame, for the edges of openings. Only faces and edges that were seen are used. Raises BimVerifyError when the
+    file cannot be read.
     """
     spaces, openings = read_regions(source or result.model.path, result.model.origin)
     names = [e.name or e.global_id for e in result.model.elements]
@@ -83,16 +89,17 @@ def as_built_dimensions(result: VerificationResult, source: str | Path | None = 
         faces = _faces(result, chosen)
         rows += _room(space, faces, names, shared)
         rows += corner_rows(_bounded(space, faces, names, result.model.origin, shared / np.sqrt(2.0)))
+    rays = None if cloud is None else scanner_rays(cloud, result)
     for opening in openings:
-        rows += _opening(opening, result, names, measured, shared)
+        rows += _opening(opening, result, names, measured, shared, rays)
     return rows
 
 
 def _opening(
-    opening: Region, result: VerificationResult, names: Sequence[str], measured: Flags, shared: float
+    opening: Region, result: VerificationResult, names: Sequence[str], measured: Flags, shared: float, rays: Cloud | None
 ) -> list[Dimension]:
-    """Clear width and height: between reveals, lintel and sill or the floor below; else between the inner faces of what
-    stands in it; else a row that says why not.
+    """Clear width and height: between reveals, lintel and sill or the floor below; between its edges on the wall's faces;
+    where neither tells, between the inner faces of what stands in it; else a row that says why not.
     """
     elements, samples = result.model.elements, result.samples
     row_of = {e.global_id: k for k, e in enumerate(elements)}
@@ -115,16 +122,46 @@ def _opening(
             _widths(opening, _faces(result, frame[measured[frame]]), names, shared), key=lambda r: r.planned or 0.0
         )
     }  # fmt: skip
+    edged = _between_edges(opening, host, fillings, _faces(result, below[measured[below]]), result, names, rays)
     rows = []
     for what in ROLES:
-        clear = [r for r in found if r.what == what]
+        clear = [r for r in found if r.what == what] + [r for r in edged if r.what == at_the_face(what)]
         if not clear and what in inner:
-            clear = [replace(inner[what], what=f"{what} in the frame")]
+            clear = [replace(inner[what], what=in_the_frame(what))]
         if not clear and elements[host].ifc_class.startswith("IfcWall"):
             reason = why_not(what, samples.normal[sides], samples.exposed[sides], measured[sides], [names[k] for k in fillings])
+            if rays is None and not result.photos_only:
+                reason += f"; {NO_SCANS}"
             clear = [unmeasured(opening.name, opening.global_id, what, (names[host],), reason)]
         rows += [replace(r, opening=True) for r in clear]
     return rows
+
+
+def _between_edges(
+    opening: Region, host: int, fillings: Sequence[int], floor: Sequence[Face], result: VerificationResult,
+    names: Sequence[str], rays: Cloud | None,
+) -> Iterator[Dimension]:
+    """From edge to edge on the wall's face; upwards from the floor where that bounds the opening."""
+    hole = None if rays is None else planned_hole(opening, host, fillings, result)
+    sigma = max((s.registration_sigma for s in result.stations), default=0.0)
+    found = None if hole is None or rays is None else hole_on_face(hole, rays, result.options.sigma, sigma)
+    if hole is None or found is None:
+        return
+    name, start, end = opening.name, hole.box[0], hole.box[1]
+    own: tuple[str, ...] = (names[host],)
+    if (wide := found.distance("start", "end")) is not None:
+        yield width(name, opening.global_id, at_the_face("width"), own, wide, end - start)
+    high, planned = found.distance("sill", "head") if hole.on_wall else None, opening.high - opening.low
+    if floor:
+        face, head = max(floor, key=lambda f: len(f.points)), found.place("head")
+        own, high, planned = (names[face.element], names[host]), None, opening.high - float(face.place[2])
+        if head is not None:
+            under = np.array([[opening.outline.centroid.x, opening.outline.centroid.y, opening.low]])
+            level = opening.low - float(face.plane.distance(under)[0]) / float(face.plane.normal[2])
+            spread = np.hypot(float(face.plane.sigma_at(under)[0]), sigma)
+            high = Estimate(head.value - level, float(np.hypot(head.sigma, spread)))
+    if high is not None:
+        yield width(name, opening.global_id, at_the_face("height"), own, high, planned)
 
 
 def opening_shares(rows: Sequence[Dimension]) -> str:
@@ -133,8 +170,11 @@ def opening_shares(rows: Sequence[Dimension]) -> str:
     for what in ROLES:
         own = [r for r in rows if r.opening and r.what.startswith(what)]
         measured = {r.global_id for r in own if r.value is not None}
-        framed = sum(r.what != what for r in own)
-        told.append(f"{what}s of {len(measured)} of {len({r.global_id for r in own})} openings ({framed} within a frame)")
+        framed, edged = (sum(r.what == other for r in own) for other in (in_the_frame(what), at_the_face(what)))
+        told.append(
+            f"{what}s of {len(measured)} of {len({r.global_id for r in own})} openings ({edged} between edges on the wall's "
+            f"face, {framed} within a frame)"
+        )
     return f"Measured: {', '.join(told)}; the others have a line that says why not."
 
 

@@ -11,8 +11,19 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 ROLES = ("width", "height")
+NO_SCANS = "its edges on the wall's face were not looked for, because the scans are no longer there"
 ENOUGH = 0.5
 """Share of a side that is free, or was measured, beyond which another reason is likelier."""
+
+
+def at_the_face(what: str) -> str:
+    """The name of a width or height between edges on the wall's faces."""
+    return f"{what} at the face"
+
+
+def in_the_frame(what: str) -> str:
+    """The name of one between the inner faces of what stands in the opening."""
+    return f"{what} in the frame"
 
 
 def why_not(what: str, normal: Array, exposed: Flags, measured: Flags, fillings: Sequence[str]) -> str:

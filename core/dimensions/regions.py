@@ -30,6 +30,8 @@ class Region:
     """GlobalId of the element that an opening is in."""
     fillings: tuple[str, ...] = ()
     """GlobalIds of the doors and windows in an opening."""
+    volume: float = 0.0
+    """m3; less than that of the outline between the two heights where the body is no prism, as of a round window."""
 
     def holds(self, points: Array, by: float = 0.0) -> NDArray[np.bool_]:
         """(N,) whether (N, 3) points lie in it, or nearer than ``by`` metres."""
@@ -74,5 +76,5 @@ def _region(product: Any, host: str, fillings: tuple[str, ...], origin: Array) -
     name = " ".join(str(v) for v in (product.Name, getattr(product, "LongName", None)) if v)
     return Region(
         product.GlobalId, name or "(no name)", outline, float(vertices[:, 2].min()),
-        float(vertices[:, 2].max()), host, fillings,
+        float(vertices[:, 2].max()), host, fillings, abs(float(np.linalg.det(vertices[triangles]).sum())) / 6.0,
     )

@@ -66,15 +66,18 @@ class _Side:
     plane: Plane | None = None
 
 
-def fit_column(points: Array, stations: Array, band: float, fit: FitFace) -> ColumnShape | None:
+def fit_column(
+    points: Array, stations: Array, band: float, fit: FitFace, pose_sigma: float = 0.0
+) -> ColumnShape | None:
     """A rectangle or circle through (N, 3) returns, each seen from its row of (N, 3) ``stations``; None if neither is there.
 
-    Returns belong to a face within ``band`` of it. ``fit`` is given rows of ``points``.
+    Returns belong to a face within ``band`` of it. ``fit`` is given rows of ``points``; its planes count the stations' poses,
+    whose ``pose_sigma`` [m] is for sides that were not seen.
     """
     thin = _thinned(points)
     if len(thin) < LEAST_FACE:
         return None
-    square = _rectangle(points, stations, thin, band, fit)
+    square = _rectangle(points, stations, thin, band, fit, pose_sigma)
     circle = _circle(points, band)
     if square is None or (circle is not None and circle.on > square.on):
         square = circle
@@ -105,7 +108,9 @@ def _turn(xy: Array) -> float:
     return float(turns[int(np.argmax([sharpness(float(t)) for t in turns]))])
 
 
-def _rectangle(points: Array, stations: Array, thin: Rows, band: float, fit: FitFace) -> ColumnShape | None:
+def _rectangle(
+    points: Array, stations: Array, thin: Rows, band: float, fit: FitFace, pose_sigma: float
+) -> ColumnShape | None:
     turn = _turn(points[thin, :2])
     planes: list[Plane | None] = [None] * 4
     for _ in range(3):
@@ -137,6 +142,8 @@ def _rectangle(points: Array, stations: Array, thin: Rows, band: float, fit: Fit
     sigma = float(np.sqrt(counts @ np.square([p.residual_sigma for p in found]) / counts.sum()))
     middle = max(np.hypot(low_x.sigma, high_x.sigma), np.hypot(low_y.sigma, high_y.sigma)) / 2
     hidden = tuple(name for name, p in zip(SIDES, planes, strict=True) if p is None)
+    if hidden:  # the station that saw the side opposite may have placed them as well, and its error is then that of both
+        middle = np.hypot(middle, pose_sigma)
     width = np.repeat(size[::-1], 2)
     seen = float(sum(w for w, p in zip(width, planes, strict=True) if p is not None) / width.sum())
     return ColumnShape(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ Flags = NDArray[np.bool_]
 
 SIDES = ("start", "end", "sill", "head")
 """Order of the edges everywhere: along the wall from its start, then upwards."""
+CLEAR_SHARE = 0.1
+"""Of an edge's length, at both its ends: there another edge is near."""
 OPEN_SHARE = 0.6
 LEAST_CELLS = 2
 JUMP_M = 0.1
@@ -32,11 +35,13 @@ BEAM_M = (0.001, 0.002)
 """A beam whose middle passes an edge by up to its radius may still return from the face: mean and standard deviation of how
 far within its edge a hole seems to begin."""
 STRAY = 0.02
-"""Share of strips in which something else than the edge ends the face or the hole."""
+"""Share of columns in which something else than the edge ends the face or the hole."""
 ON_REVEAL = 0.4
 """Last returns that lie so deep on the mean, in half-widths of the band, are not on the face."""
 BANDS_PER_NOISE = 12.0
 """Half-widths of the band per standard deviation of a return's place along the face."""
+LEAST_NOISE_M, COLUMN_NOISES = 0.0002, 4.0
+"""Least standard deviation of a return's place along the face; strips that differ by no more than so many show one column."""
 GRID_M = 0.00025
 BEYOND_M = 0.012
 """What is likely is looked at so far beyond the middles of what was seen."""
@@ -49,6 +54,8 @@ LINE_SHARE = 0.4
 """Of the returns between the last one on the face and the first one behind it: those on a reveal lie in one line."""
 LINE_DEPTH_M = .03
 """A column of rays on something else makes a line as well, but at one depth."""
+LAYER_M = 0.01
+"""The two neighbouring layers of this depth that hold most returns are left out: there a frame may stand."""
 NEAR_M = 0.004
 REVEAL_SIGMA_M = 0.0007
 """Of a place by the reveal, however many returns are on it."""
@@ -80,11 +87,12 @@ class Returns:
 
 
 def gathered(sides: list[Crossings], band: float) -> Returns:
-    """Of all sides of a wall."""
+    """Of all sides of a wall. A return on the face is where it is, also where the face was moved after rays were followed."""
     u, z, depth, end_u, end_z = (
         np.concatenate([getattr(s, name) for s in sides]) for name in ("u", "z", "depth", "end_u", "end_z")
     )
-    return Returns(u, z, np.abs(depth) <= band, depth > band, end_u, end_z, depth)
+    on = np.abs(depth) <= band
+    return Returns(np.where(on, end_u, u), np.where(on, end_z, z), on, depth > band, end_u, end_z, depth)
 
 
 def bracket(holes: Flags, solid: Flags, end: int, sign: int, most_jump: int, pier: int) -> tuple[int, int, int]:
@@ -154,7 +162,7 @@ def seen_edge(
     by_reveal = reveal(low, high)
     if by_reveal is None and depth[last].mean() > ON_REVEAL * band:
         # the last returns within the band lie on the reveal, and the last of many goes beyond it by their noise
-        return EdgePlace(side * (middles[0] - noise), noise, True)
+        return EdgePlace(side * (middles[0] - noise), float(np.hypot(noise, REVEAL_SIGMA_M)), True)
     return by_reveal or _between(a[last], first_open, noise, side)
 
 
@@ -162,13 +170,28 @@ def _between(last_solid: Array, first_open: Array, noise: float, side: float) ->
     """An edge that lies between the two in all strips but a few."""
     middles = float(np.median(last_solid)), float(np.median(first_open))
     t = np.arange(min(middles) - BEYOND_M, max(middles) + BEYOND_M, GRID_M)
-    before, after = ((t[:, None] - last_solid) / noise, (first_open - t[:, None]) / noise)
-    log = sum(np.log(STRAY + (1.0 - STRAY) * ndtr(v)).sum(axis=1) for v in (before, after))
+    log = np.zeros(len(t))
+    for sign, values in ((1.0, last_solid), (-1.0, first_open)):
+        column, spread = _columns(values, noise)
+        log += np.log(STRAY + (1.0 - STRAY) * ndtr(sign * (t[:, None] - column) / spread)).sum(axis=1)
     likely = gaussian_filter1d(np.exp(log - np.max(log)), BEAM_M[1] / GRID_M, mode="constant")
     t = t - BEAM_M[0]
     likely /= likely.sum()
     place = float(likely @ t)
     return EdgePlace(side * place, float(np.sqrt(likely @ (t - place) ** 2)), True)
+
+
+def _columns(values: Array, most_noise: float) -> tuple[Array, Array]:
+    """Places and standard deviations of the columns of rays that (N,) strips show.
+
+    One column is seen in many strips. Each of them as a bound of its own would cut off what lies within its noise.
+    """
+    noise = float(np.clip(1.05 * np.median(np.abs(np.diff(values))), LEAST_NOISE_M, most_noise))
+    ordered = np.sort(values)
+    first = np.unique(np.searchsorted(ordered, ordered[0] + COLUMN_NOISES * noise * np.arange(np.ptp(ordered) // noise + 1)))
+    first = first[first < len(ordered)]
+    count = np.diff(np.append(first, len(ordered)))
+    return np.add.reduceat(ordered, first) / count, noise / np.sqrt(count)
 
 
 def reveal_between(
@@ -179,6 +202,12 @@ def reveal_between(
     ``chosen`` are those behind the face within the hole along the edge; the edge is known to be between ``low`` and ``high``.
     """
     own = chosen & (end > low) & (end < high)
+    if own.sum() < LEAST_REVEAL_RETURNS:
+        return None
+    # a row of rays on a frame's face beside the reveal makes a line too, and often the stronger one
+    layer = (depth / LAYER_M).astype(np.int64)
+    densest = int(np.argmax(np.convolve(np.bincount(layer[own]), np.ones(2))))
+    own &= (layer != densest) & (layer != densest - 1)
     if own.sum() < LEAST_REVEAL_RETURNS:
         return None
     number = ((end[own] - low) / LINE_BIN_M).astype(np.int64)
@@ -226,3 +255,20 @@ def hidden_edge(inner: float, outer: float, far: float, cell: float) -> EdgePlac
     at, sign = 0.5 * (inner + outer), np.sign(outer - inner) or 1.0
     ends = np.array([inner - sign * cell, max(far * sign, outer * sign) * sign + sign * cell]) - at
     return EdgePlace(at, float(np.sqrt((ends**2).sum() + ends.prod()) / np.sqrt(3.0)), False)
+
+
+def edge_near(
+    rays: Returns, chosen: Flags, k: int, box: tuple[float, float, float, float], cell: float, thickness: float, band: float
+) -> EdgePlace | None:
+    """Edge ``k`` of ``SIDES`` of a hole that is about ``box``, by the ``chosen`` rays alone; None where they do not show it."""
+    upright = k < 2
+    at, across = (rays.u, rays.z) if upright else (rays.z, rays.u)
+    end, along_edge = (rays.end_u, rays.end_z) if upright else (rays.end_z, rays.end_u)
+    low, high = box[2:] if upright else box[:2]
+    trim = CLEAR_SHARE * (high - low)
+    clear = chosen & (across > low + trim) & (across < high - trim)
+    into = chosen & (rays.depth > 0.5 * band) & (rays.depth < thickness) & (along_edge > low) & (along_edge < high)
+    return seen_edge(
+        at, across, rays.depth, clear, box[k], box[k], cell, (1.0, -1.0)[k % 2], band,
+        partial(reveal_between, end, along_edge, rays.depth, into),
+    )

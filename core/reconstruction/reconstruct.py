@@ -62,7 +62,7 @@ def reconstruct(
             f"{', '.join(source.paths)} shows a floor, but no wall and no closed room, so there is no building to write; give "
             "scans from inside rooms."
         )
-    built = tuple(_storey(k, storeys, parts, surfels) for k in range(len(storeys)))
+    built = tuple(_storey(k, storeys, parts, surfels, poses.sigma) for k in range(len(storeys)))
     result = Reconstruction(cloud.origin, built, cloud.total, len(cloud.stations), source.paths, poses)
     result.warnings += _warnings(result, storeys)
     return result
@@ -75,7 +75,7 @@ def _thinned(cloud: Cloud) -> Cloud:
     return Cloud(cloud.points[::step].copy(), cloud.station[::step].copy(), cloud.stations, cloud.origin, cloud.total)
 
 
-def _storey(k: int, storeys: list[Storey], parts: list[StoreyParts], surfels: Surfels) -> BuiltStorey:
+def _storey(k: int, storeys: list[Storey], parts: list[StoreyParts], surfels: Surfels, pose_sigma: float) -> BuiltStorey:
     storey, part = storeys[k], parts[k]
     name = "Ground floor" if k == 0 else f"Floor {k}"
     slabs = []
@@ -83,10 +83,10 @@ def _storey(k: int, storeys: list[Storey], parts: list[StoreyParts], surfels: Su
     for foot in _footprints(part, parts[k - 1] if k else None):
         gap = storey.floor - below.ceiling if below and below.has_ceiling else None
         measured = gap is not None and 0.05 < gap < THICKEST_SLAB_M
-        fit = _level_fit(surfels, storey.floor, 1.0, MEASURED if measured else ASSUMED)
+        fit = _level_fit(surfels, storey.floor, 1.0, MEASURED if measured else ASSUMED, pose_sigma)
         slabs.append(BuiltSlab(foot, storey.floor, gap if measured and gap else SLAB_M, "FLOOR" if k else "BASESLAB", fit))
     if k + 1 == len(storeys) and storey.has_ceiling:
-        fit = _level_fit(surfels, storey.ceiling, -1.0, ASSUMED)
+        fit = _level_fit(surfels, storey.ceiling, -1.0, ASSUMED, pose_sigma)
         slabs += [BuiltSlab(foot, storey.ceiling + SLAB_M, SLAB_M, "ROOF", fit) for foot in _footprints(part)]
     return BuiltStorey(
         name, storey.floor, storey.ceiling, tuple(part.walls), tuple(part.columns), tuple(slabs), tuple(part.built_rooms)
@@ -108,14 +108,14 @@ def _footprints(part: StoreyParts, below: StoreyParts | None = None) -> list[Pol
     return [Polygon(p.exterior).simplify(0.002) for p in outlines if p.area > SMALLEST_SLAB_M2]
 
 
-def _level_fit(surfels: Surfels, level: float, side: float, source: str) -> FitRecord:
+def _level_fit(surfels: Surfels, level: float, side: float, source: str, pose_sigma: float) -> FitRecord:
     own = (np.abs(surfels.position[:, 2] - level) < 0.03) & (side * surfels.normal[:, 2] > 0.95)
     if own.sum() < 10:
         return FitRecord(None, None, 0.0, None, source)
     off = surfels.position[own, 2] - level
     return FitRecord(
         float(np.abs(off).mean()), float(np.sqrt((surfels.roughness[own] ** 2).mean())), 1.0,
-        float(off.std() / np.sqrt(max(own.sum() / 50, 1))), source, int(surfels.count[own].sum()),
+        float(np.hypot(off.std() / np.sqrt(max(own.sum() / 50, 1)), pose_sigma)), source, int(surfels.count[own].sum()),
     )
 
 

@@ -151,7 +151,7 @@ def _built_column(
         face = returns_on(points[own], station[own], survey.stations, "finished wall", survey.noise)
         return fitted_face(face, survey).plane
 
-    shape = fit_column(points, survey.stations[station], band, fit_face)
+    shape = fit_column(points, survey.stations[station], band, fit_face, survey.poses.sigma)
     if shape is None:
         return None
     fit = FitRecord(

@@ -16,6 +16,7 @@ from bim_verify.bim_verify_addon.headless import save_blend
 from bim_verify.core import jobs
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.files import all_or_none
+from bim_verify.core.options import ReconstructOptions
 from bim_verify.core.reconstruction.building import (
     MEASURED,
     BuiltRoom,
@@ -85,6 +86,25 @@ def test_report_dimensions_and_comparison_lie_beside_it(
     assert "Against the reference" in (tmp_path / "made_report" / "index.html").read_text(encoding="utf-8")
     with pytest.raises(RuntimeError, match="never written"):
         ops.reconstruct(filepath=str(house), reference=str(house))
+
+
+def test_a_known_registration_is_passed_on(
+    blender: bpy.types.Scene, scan: Path, made: Reconstruction, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    ops.import_scan(filepath=str(scan))
+    asked: list[float | None] = []
+
+    def reconstruct(_: object, options: ReconstructOptions, *__: object) -> Reconstruction:
+        asked.append(options.registration_sigma)
+        return made
+
+    monkeypatch.setattr(jobs, "reconstruct", reconstruct)
+    settings = blender.bim_verify_reconstruct
+    ops.reconstruct("INVOKE_DEFAULT", filepath=str(tmp_path / "estimated.ifc"), show=False)
+    settings.registration_known, settings.registration_sigma_mm = True, 3.0
+    ops.reconstruct("INVOKE_DEFAULT", filepath=str(tmp_path / "panel.ifc"), show=False)
+    ops.reconstruct(filepath=str(tmp_path / "said.ifc"), show=False, registration_known=True, registration_sigma_mm=0.0)
+    assert asked == [None, pytest.approx(0.003), 0.0]
 
 
 def test_the_model_is_compared_with_another_file(

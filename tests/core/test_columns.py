@@ -37,13 +37,13 @@ def scanned(*things: tuple[BaseGeometry, float], stations: tuple[tuple[float, fl
     return np.array(points), np.array(seen)
 
 
-def fitted(points: Array, stations: Array) -> ColumnShape | None:
+def fitted(points: Array, stations: Array, pose_sigma: float = 0.0) -> ColumnShape | None:
     noise = PointNoise(NOISE_M)
 
     def face(rows: NDArray[np.int64]) -> Plane:
         return with_unevenness(fit_plane(points[rows], stations[rows], noise), points[rows])[0]
 
-    return fit_column(points, stations, BAND_M, face)
+    return fit_column(points, stations, BAND_M, face, pose_sigma)
 
 
 def pillar(turn_deg: float, length: float = 0.5, width: float = 0.3) -> Polygon:
@@ -91,6 +91,8 @@ def test_sides_that_nobody_saw_are_named_and_follow_from_the_edges_of_the_others
     assert abs(length - 0.5) < 0.015 and abs(width - 0.3) < 0.015
     off = max(abs(found.footprint.centroid.x), abs(found.footprint.centroid.y))
     assert 0.0005 < found.position_sigma < 0.01 and off < 3 * found.position_sigma
+    moved = fitted(*scanned((pillar(0.0), 2.5), stations=((-2.0, -1.5), (-1.5, -2.2))), pose_sigma=0.02)
+    assert moved is not None and moved.position_sigma == pytest.approx(np.hypot(found.position_sigma, 0.02))
 
 
 def test_a_round_column_has_its_radius() -> None:

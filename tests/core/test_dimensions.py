@@ -15,16 +15,18 @@ import pytest
 from shapely import box
 
 from bim_verify.cli import main
-from bim_verify.core.dimensions.as_built import as_built_dimensions, opening_shares
+from bim_verify.core.dimensions.as_built import opening_shares
+from bim_verify.core.dimensions.opening_edges import HoleOnFace
 from bim_verify.core.dimensions.regions import Region, read_regions
 from bim_verify.core.dimensions.table import HEADER, conformity, dimensions_to_json, width, write_dimensions
-from bim_verify.core.jobs import verify
+from bim_verify.core.jobs import dimensions, verify
 from bim_verify.core.model.load import load_model
 from bim_verify.core.options import VerifyOptions
 from bim_verify.core.planes.conformity import Conformity, flatness
 from bim_verify.core.planes.derived import Estimate
 from bim_verify.core.planes.fit import fit_plane
 from bim_verify.core.planes.noise import PointNoise
+from bim_verify.core.reconstruction.opening_edges import EdgePlace
 from bim_verify.core.simulation.campaign import Campaign, scan_to_files, set_up
 from bim_verify.core.simulation.scanner import PRESETS
 
@@ -67,10 +69,10 @@ def test_the_room_is_as_wide_as_it_was_built_and_the_plan_is_told_apart(told: tu
 def test_a_window_has_its_clear_width_and_height(told: tuple[list[dict[str, Any]], Path]) -> None:
     rows, _ = told
     own = [r for r in rows if r["where"] == "Opening"]
-    assert {r["what"] for r in own} == {"width", "height"}
+    assert {r["what"] for r in own} == {"width", "width at the face", "height"}
     for row in own:
         assert row["between"] == ["south"]
-        assert row["planned"] == pytest.approx({"width": 1.2, "height": 1.1}[row["what"]], abs=1e-6)
+        assert row["planned"] == pytest.approx({"width": 1.2, "height": 1.1}[row["what"].split()[0]], abs=1e-6)
         assert abs(row["value"] - row["planned"]) < 3 * row["sigma"] + 0.001
 
 
@@ -171,14 +173,66 @@ def test_a_door_ends_at_the_floor_and_what_is_covered_says_so(tmp_path: Path) ->
     set_ups = tuple(set_up(f"S{k}", np.array(p) - model.origin, 5, k) for k, p in enumerate(places))
     scanner = replace(PRESETS["fast"], angular_step=float(np.radians(0.5)), sigma_range=0.001, sigma_signal=0.0)
     scan_to_files(Campaign(model, scanner, set_ups, {}, (), 5), tmp_path / "doors.e57", None)
-    rows = as_built_dimensions(verify(model, [tmp_path / "doors.e57"], VerifyOptions(sigma=0.001)))
+    result = verify(model, [tmp_path / "doors.e57"], VerifyOptions(sigma=0.001))
+    rows = dimensions(result)
     own = {(r.where, r.what): r for r in rows if r.opening}
     height = own["bare", "height"]
     assert set(height.between) == {"floor", "south"} and height.planned == pytest.approx(2.1, abs=1e-6)
     assert height.value is not None and height.sigma is not None and abs(height.value - 2.1) < 3 * height.sigma < 0.01
     assert own["bare", "width"].value is not None
     assert own["covered", "width"].value is None and "covered by door" in own["covered", "width"].reason
-    assert "widths of 1 of 2 openings" in opening_shares(rows) and "heights of 1 of 2 openings" in opening_shares(rows)
+    edges = own["bare", "width at the face"]
+    assert edges.planned == pytest.approx(0.9, abs=1e-6) and edges.value is not None and edges.sigma is not None
+    assert abs(edges.value - 0.9) < 1.96 * edges.sigma < 0.03
+    (tmp_path / "doors.e57").unlink()
+    left = {(r.where, r.what): r for r in dimensions(result) if r.opening}
+    assert left["bare", "width"] == own["bare", "width"] and ("bare", "width at the face") not in left
+    assert "scans are no longer there" in left["covered", "width"].reason
+    assert "widths of 1 of 2 openings (1 between edges" in opening_shares(rows) and "heights of 1 of 2" in opening_shares(rows)
     write_dimensions(tmp_path / "d.csv", rows)
     assert "covered by door" in (tmp_path / "d.csv").read_text(encoding="utf-8-sig")
     assert any(d["value"] is None and d["interval_95"] is None for d in dimensions_to_json(rows))
+
+
+def test_an_opening_whose_sides_are_covered_is_measured_in_its_frame(tmp_path: Path) -> None:
+    made, thick = ModelFile("IFC4", "m"), 0.25
+    made.product("IfcSlab", "floor", made.box(3.5, 3.5, 0.2), at(-0.25, -0.25, -0.2))
+    walls = {"west": made.product("IfcWall", "west", made.box(thick, 3.0, 2.5), at(-thick, 0.0))}
+    framed = made.opening(walls["west"], made.box(thick + 0.2, 0.9, 2.1), at(-thick - 0.1, 1.0, 0.0))
+    framed.Name = "framed"
+    for k, (wide, y, low) in enumerate(((0.08, 1.0, 0.0), (0.08, 1.82, 0.0), (0.74, 1.08, 2.02))):
+        bar = made.product("IfcDoor", f"bar {k}", made.box(thick, wide, 0.08 if low else 2.1), at(-thick, y, low))
+        ifcopenshell.api.feature.add_filling(made.file, opening=framed, element=bar)
+    model = load_model(made.write(tmp_path / "frame.ifc"), cache=False)
+    set_ups = (set_up("S1", np.array([1.2, 1.4, 1.5]) - model.origin, 5, 0),)
+    scanner = replace(PRESETS["fast"], angular_step=float(np.radians(0.5)), sigma_range=0.001, sigma_signal=0.0)
+    scan_to_files(Campaign(model, scanner, set_ups, {}, (), 5), tmp_path / "frame.e57", None)
+    rows = dimensions(verify(model, [tmp_path / "frame.e57"], VerifyOptions(sigma=0.001)))
+    own = {(r.where, r.what): r for r in rows if r.opening}
+    for what, planned in (("width", 0.74), ("height", 2.02)):
+        inner = own["framed", f"{what} in the frame"]
+        assert inner.planned == pytest.approx(planned, abs=1e-6) and inner.value is not None and inner.sigma is not None
+        assert abs(inner.value - planned) < 3 * inner.sigma < 0.01
+    assert ("framed", "width at the face") not in own  # the frame is flush with the wall: its edge is not the opening's
+    assert "widths of 1 of 1 openings (0 between edges on the wall's face, 1 within a frame)" in opening_shares(rows)
+
+
+def test_a_pose_is_common_to_the_edges_that_its_station_saw() -> None:
+    """1000 draws of edges seen by one station, by two, and by two that saw one edge each."""
+    rng, pose, spread, held = np.random.default_rng(4), 0.003, 0.001, []
+    for _ in range(1000):
+        off = rng.normal(0.0, pose, 2)
+
+        def place(at: float, station: int, off: np.ndarray = off) -> tuple[int, EdgePlace]:
+            return station, EdgePlace(at + off[station] + rng.normal(0.0, spread), spread, True)
+
+        for start, end in (((0,), (0,)), ((0, 1), (0, 1)), ((0,), (1,))):
+            hole = HoleOnFace({"start": [place(0.0, s) for s in start], "end": [place(1.2, s) for s in end]}, pose)
+            found = hole.distance("start", "end")
+            assert found is not None
+            held.append((abs(found.value - 1.2) <= 1.96 * found.sigma, found.sigma))
+    inside, sigma = np.array(held).reshape(-1, 3, 2).transpose(2, 1, 0)
+    assert ((inside.mean(axis=1) > 0.93) & (inside.mean(axis=1) < 0.985)).all()
+    assert sigma[0].max() == pytest.approx(np.sqrt(2.0) * spread)
+    assert sigma[2].max() == pytest.approx(np.sqrt(2.0) * np.hypot(spread, pose))
+    assert hole.distance("sill", "head") is None

@@ -5,8 +5,10 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+import ifcopenshell
 import numpy as np
 import pytest
+from ifcopenshell.util.element import get_pset
 from shapely import box
 
 from bim_verify.cli import main
@@ -124,6 +126,9 @@ def test_the_command_takes_a_stated_registration(tmp_path: Path, capsys: pytest.
     assert "off by 5.0 mm" in said and f"Report: {folder / 'index.html'}" in said
     with table.open(encoding="utf-8-sig", newline="") as stream:
         rows = list(csv.DictReader(stream))
+    made = ifcopenshell.open(str(tmp_path / "made.ifc"))
+    slabs = [get_pset(slab, "BimVerify_Reconstruction")["PositionSigma"] for slab in made.by_type("IfcSlab")]
+    assert slabs and all(sigma > 0.005 for sigma in slabs)
     openings = [r for r in rows if ", wall" in r["Where"]]
     assert openings and all(float(r["Sigma_mm"]) > 5.0 * np.sqrt(2.0) for r in openings)
     tests = [r for r in rows if r["Limit_mm"]]

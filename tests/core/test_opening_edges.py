@@ -22,7 +22,7 @@ from bim_verify.core.reconstruction.building import (
 )
 from bim_verify.core.reconstruction.crossings import Crossings
 from bim_verify.core.reconstruction.dimensions import room_dimensions
-from bim_verify.core.reconstruction.opening_edges import hidden_edge, reveal_between, reveal_edge, seen_edge
+from bim_verify.core.reconstruction.opening_edges import gathered, hidden_edge, reveal_between, reveal_edge, seen_edge
 from bim_verify.core.reconstruction.opening_fill import reveal_depth
 from bim_verify.core.reconstruction.openings import Opening, face_raster, find_openings
 from bim_verify.core.reconstruction.report import write_reconstruction_report
@@ -198,6 +198,46 @@ def test_edges_hold_within_their_sigma_with_a_coarse_grid(visible: bool) -> None
         assert place is not None and place.sigma < (0.0015 if visible else 0.006)
         off.append(abs(place.at - edge) < 1.96 * place.sigma)
     assert np.mean(off) > 0.9
+
+
+@pytest.mark.parametrize("reveal_returns", [0, 200])
+def test_a_row_of_rays_on_a_frame_beside_the_reveal_is_not_the_edge(reveal_returns: int) -> None:
+    """The frame stands 9 cm deep; its lowest row of returns lies 5 mm within the edge, at 1 m."""
+    rng = np.random.default_rng(5)
+    row, reveal = 300, reveal_returns
+    end = np.concatenate([np.full(row, 1.005), np.full(reveal, 1.0)]) + rng.normal(0.0, 0.0005, row + reveal)
+    depth = np.concatenate([rng.normal(0.09, 0.002, row), rng.uniform(0.012, 0.09, reveal)])
+    z = rng.uniform(0.0, 2.0, row + reveal)
+    place = reveal_between(end, z, depth, np.ones(row + reveal, dtype=np.bool_), 0.99, 1.01)
+    if reveal:
+        assert place is not None and place.at == pytest.approx(1.0, abs=0.001)
+    else:
+        assert place is None
+
+
+def test_an_edge_is_as_likely_at_the_end_of_its_gap_as_in_the_middle() -> None:
+    """Columns of rays that are alike in 20 strips bound the edge once, not 20 times."""
+    held = []
+    for share in np.linspace(0.0, 1.0, 21):
+        rng = np.random.default_rng(int(100 * share))
+        edge = 1.0 + 0.02 * share
+        u, z = (v.ravel() for v in np.meshgrid(np.arange(0.88, 1.15, 0.02), np.arange(0.0, 0.8, 0.01)))
+        depth = np.where(u < edge, 0.0, 3.0)
+        at = u + np.where(u < edge, rng.normal(0.0, 0.001, len(u)), 0.0)
+        place = seen_edge(at, z, depth, np.ones(len(u), dtype=np.bool_), edge, edge, 0.02, -1.0, BAND, lambda *_: None)
+        assert place is None  # the hole lies on the other side
+        place = seen_edge(-at, z, depth, np.ones(len(u), dtype=np.bool_), -edge, -edge, 0.02, -1.0, BAND, lambda *_: None)
+        assert place is not None and place.sigma == pytest.approx(0.02 / np.sqrt(12), rel=0.2)
+        held.append(abs(place.at + edge) < 1.96 * place.sigma)
+    assert np.mean(held) > 0.9
+
+
+def test_a_return_on_a_moved_face_is_where_it_is() -> None:
+    """The ray was followed to the face where that was looked for first; the return lies on the face that was found."""
+    side = Crossings(np.array([1.02, 1.5]), np.array([1.0, 1.2]), np.array([0.005, 2.0]), np.array([1.0, 1.9]),
+                     np.array([1.0, 1.1]), np.arange(2))  # fmt: skip
+    rays = gathered([side], BAND)
+    assert rays.u == pytest.approx([1.0, 1.5]) and rays.z == pytest.approx([1.0, 1.2])
 
 
 def test_an_edge_behind_which_the_wall_is_open_again_may_lie_as_far_as_wall_is_seen() -> None:
