@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from ..evidence.own_evidence import LEAST_OPPOSED, OwnEvidence, shows_gone, shows_standing
 from ..evidence.thresholds import Thresholds
-from .own_evidence import LEAST_OPPOSED, OwnEvidence, shows_gone, shows_standing
 
 Verdict = Literal["STANDS", "GONE", "PART", "LITTLE", "EITHER", "FEW"]
 """It stands, it is gone, part of it stands; rays pass, but too little of it was in view; what was found of it may be another

@@ -20,7 +20,6 @@ from ..change.clusters import find_clusters
 from ..change.decide import element_state, ratios, undecided
 from ..change.holders import divided
 from ..change.look import EpochSight, look_at_elements, sensor_model
-from ..change.parts import Parts, read_parts
 from ..change.planned import Planned, parse_date, read_planned, reversed_tasks
 from ..change.progress import expected_state, group_progress, judge, standing_ratio
 from ..change.results import ChangeResult, ElementChange, EpochRecord, VoxelCounts
@@ -31,6 +30,7 @@ from ..evidence.collect import StationIndexes
 from ..evidence.photo_campaign import adjusted_freely, place_sigma
 from ..model.elements import BuildingModel
 from ..model.load import open_ifc
+from ..model.parts import Parts, read_parts
 from ..model.raycast import RayScene
 from ..model.sample_surface import sample_surface
 from ..occupancy.epoch import UNSEEN, Observation, observe, occupied_voxels

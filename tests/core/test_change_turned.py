@@ -10,14 +10,14 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from bim_verify.core.change.left_place import PlannedPlaces
 from bim_verify.core.change.look import _sight
-from bim_verify.core.change.own_evidence import OwnEvidence
-from bim_verify.core.change.turned_surface import AROUND_SPACINGS, _normals
 from bim_verify.core.evidence.decide import Context, Place
 from bim_verify.core.evidence.displacement import Shift
+from bim_verify.core.evidence.left_place import PlannedPlaces
+from bim_verify.core.evidence.own_evidence import OwnEvidence
 from bim_verify.core.evidence.station_index import build_index
 from bim_verify.core.evidence.thresholds import Thresholds
+from bim_verify.core.evidence.turned_surface import AROUND_SPACINGS, _normals
 from bim_verify.core.jobs import change
 from bim_verify.core.options import ChangeOptions
 from bim_verify.core.simulation.scene import Edit, Prop

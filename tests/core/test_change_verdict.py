@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bim_verify.core.change.own_evidence import OwnEvidence
 from bim_verify.core.change.verdict import verdict
+from bim_verify.core.evidence.own_evidence import OwnEvidence
 from bim_verify.core.evidence.thresholds import Thresholds
 
 
