@@ -33,6 +33,8 @@ def verdict(
     told = found + float(own.beyond[row])
     if mine <= absent and shows_gone(at, through, present) and own.beyond[row] >= LEAST_OPPOSED * told:
         return "LITTLE" if seen_share < t.absent_seen_share else "GONE"
+    if own.own_by_chance(row):
+        return "EITHER"
     if absent < mine < present and shows_standing(at, 0, absent) and shows_gone(0, through, present):
         if seen_share < t.absent_seen_share:
             return "LITTLE"

@@ -52,6 +52,14 @@ class OwnEvidence:
     """Different returns from what is its alone."""
     beams_through: NDArray[np.int64]
     """Different returns whose beams clearly passed through it."""
+    beams_either: NDArray[np.int64]
+    """Different returns that may be another element's."""
+
+    def own_by_chance(self, row: int) -> bool:
+        """Whether so few of its returns are its alone that they may be the other element's too: of those one in twenty lies
+        farther than two sigmas from that one's face."""
+        at, either = int(self.beams_at[row]), int(self.beams_either[row])
+        return either > 0 and not shows_standing(at, either, ERROR_RATE)
 
     def share(self, row: int) -> float:
         """Share of what was seen of it that is at its place."""
@@ -131,13 +139,14 @@ def own_evidence(
     )
     telling = np.flatnonzero(at | beyond)
     beam = _beam_of(seen, element, telling)
-    returned, sure = np.unique(beam[at[telling]]), (at & ~unsure)[telling]
+    returned, sure, doubtful = np.unique(beam[at[telling]]), (at & ~unsure)[telling], unsure[telling]
     row = telling[beyond[telling] & ~np.isin(beam, returned)]
     inside = row[clearly_inside(seen.rows(row), samples, origins[row], surfaces, registration_sigma)]
     return OwnEvidence(
         found, shared, passed, _silent(seen, samples, window, at | beyond, elements),
         _count_beams(element[telling[sure]], beam[sure], elements),
         _count_beams(element[inside], _beam_of(seen, element, inside), elements),
+        _count_beams(element[telling[doubtful]], beam[doubtful], elements),
     )
 
 
