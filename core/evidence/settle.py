@@ -76,7 +76,9 @@ def _told_apart(scenery: Scenery, found: Findings, context: Context) -> tuple[Fi
     element = samples.element[seen.sample]
     off = np.array([np.linalg.norm(plan.fit.vector) > apart for plan in found.plans])
     edge = np.flatnonzero(at & off[element] & (np.abs(seen.deviation) > apart))
-    edge = edge[~clearly_over(seen.rows(edge), samples, surfaces, TOLD_APART_SIGMAS * sigma)]
+    beside = ~clearly_over(seen.rows(edge), samples, surfaces, TOLD_APART_SIGMAS * sigma)
+    asked, aside = (np.bincount(element[of], minlength=count) for of in (edge, edge[beside]))
+    edge = edge[beside & (2 * aside > asked)[element[edge]]]  # a few at the border of a face that is off are its own
     seen = seen.beside(np.concatenate([turned, edge]))
     first = np.searchsorted(seen.sample, samples.first_of(count))
     plans, best, doubted = list(found.plans), list(found.best), set()
