@@ -71,7 +71,7 @@ def expected(
     model: BuildingModel, row: int, edit: Edit | None, built: bool, tolerance: float, fact: dict[str, Any]
 ) -> set[str]:
     """States that are right for an element; ``fact`` is what the truth says of it."""
-    from bim_verify.core.change.overlap import overlap
+    from bim_verify.core.evidence.overlap import overlap
 
     if built:
         return {"NEW"}

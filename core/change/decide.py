@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..evidence.overlap import ABSENT_OVERLAP, overlap
 from ..model.elements import BuildingModel
 from .amounts import Amount
 from .look import ElementSight, Seen, glazed
-from .overlap import ABSENT_OVERLAP, overlap
 from .results import State
 
 LEAST_DEEP_SHARE = 0.1

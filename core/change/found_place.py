@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from ..evidence.collect import Queries
 from ..evidence.decide import Context, Place, assess_place
+from ..evidence.own_evidence import TOLD_APART_SIGMAS
+from ..evidence.rival import fits_beyond_chance
 from ..evidence.scenery import AsBuilt, Scenery, with_glass
+from ..evidence.shared_surface import on_others
 from ..evidence.sightings import AT, GRAZE
+from ..model.parts import Parts
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
-from .own_evidence import TOLD_APART_SIGMAS
-from .parts import Parts
-from .rival import fits_beyond_chance
-from .shared_surface import on_others
 
 
 def without_neighbours(

@@ -45,6 +45,25 @@ class Further:
         return Further.of([(table.keys[rows[self.brick]], self.element)], table, self.element.dtype)
 
 
+def divided(
+    count: NDArray[np.int64], element: NDArray[Any], further: Further, counted: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """(E,) voxels of each element, of the ``count`` (E,) that it holds, when those that several hold are divided equally.
+
+    ``element`` (B, 512) holds the voxels first. Only elements that are ``counted`` (E,) take a part.
+    """
+    share = count.astype(np.float64)
+    brick, at = np.unique(further.brick, return_inverse=True)
+    layers = [(element[brick], np.arange(len(brick))), (further.element, at)]
+    holders = np.zeros((len(brick), CELLS), np.int32)
+    for who, row in layers:
+        np.add.at(holders, row, (who >= 0) & counted[who])
+    for who, row in layers:
+        of = (who >= 0) & counted[who] & (holders[row] > 1)
+        share -= np.bincount(who[of], weights=1.0 - 1.0 / holders[row][of], minlength=len(share))
+    return share
+
+
 @njit(cache=True, nogil=True, inline="always")
 def holds(
     who: int, row: int, cell: int, element: NDArray[np.int16], first: NDArray[np.int64], further: NDArray[np.int16]

@@ -19,23 +19,23 @@ from ..evidence.collect import StationIndexes
 from ..evidence.decide import GLAZED, Context, Place, enough_seen, standing_shares
 from ..evidence.error_model import estimate_errors
 from ..evidence.gather import SensorModel
+from ..evidence.left_place import PlannedPlaces
+from ..evidence.overlap import ABSENT_OVERLAP, overlap
+from ..evidence.own_evidence import OwnEvidence, at_opposed, find_touching, own_evidence
+from ..evidence.rival import is_found, rival
 from ..evidence.scenery import Scenery, with_glass
+from ..evidence.shared_surface import find_shared
 from ..evidence.thresholds import Thresholds
+from ..evidence.turned_surface import find_turned
 from ..evidence.verify import comes_near, looks_through_glass, places
 from ..model.elements import BuildingModel
 from ..model.on_element import ElementSurfaces
+from ..model.parts import Parts
 from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..sensing.loa import level_sigma, worst_voxel_shift
 from .found_place import without_neighbours
-from .left_place import PlannedPlaces
-from .overlap import ABSENT_OVERLAP, overlap
-from .own_evidence import OwnEvidence, find_touching, own_evidence, shows_standing
-from .parts import Parts
-from .rival import fits_beyond_chance, rival
-from .shared_surface import find_shared
-from .turned_surface import find_turned
 from .verdict import verdict
 
 Seen = Literal["STANDS", "GONE", "MOVED", "PART", "UNSEEN"]
@@ -130,7 +130,8 @@ def look_at_elements(
     shared = find_shared(model, found.samples, surfaces, parts)
     origins = scenery.origins(found.seen)
     touching = find_touching(found.seen, model, found.samples, origins, surfaces, window, sigma, parts)
-    turned = find_turned(found.seen, model, found.samples, surfaces, stations, sensor_model(sigma), window)
+    at, opposed = at_opposed(found.seen, found.samples, window, len(model.elements))  # else there is nothing to explain
+    turned = find_turned(found.seen, model, found.samples, surfaces, stations, sensor_model(sigma), window, at & opposed)
     planned = PlannedPlaces.of(
         found.seen, origins, found.samples, scene, surfaces, window, registration_sigma, len(model.elements)
     )
@@ -175,18 +176,16 @@ def _sight(
         )
 
     at_plan = length <= tolerance and overlap(model, row, best.fit.vector) > ABSENT_OVERLAP  # voxels do not tell it apart
-    if best is not plan and not at_plan and _found(best, plan, overlap(model, row, best.shift), context, own, row):
-        left = planned.left(row, best.fit.vector, int(own.beams_through[row]))
-        slid = best.at == plan.at  # the strip that it freed was seen
-        if slid or left.passed:
-            return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.", best)
+    told = float(own.at[row]), float(own.beyond[row])
+    if best is not plan and not at_plan and is_found(best, plan, *told, overlap(model, row, best.shift), context):
         stays = overlap(model, row, best.fit.vector) > ABSENT_OVERLAP
-        stands_there = shows_standing(left.at, left.through + left.stopped, t.present_share) or shows_standing(
-            *planned.strip(row, best.fit.vector), t.absent_share
-        )
-        if stays and not stands_there and left.should_be_seen(t.present_share):
+        slid = best.at == plan.at  # the strip that it freed was seen
+        leaving = "LEFT" if slid else planned.leaving(row, best.fit.vector, int(own.beams_through[row]), stays, t)
+        if leaving == "LEFT":
+            return sight("MOVED", f"It stands {1000 * length:.0f} mm from its planned place.", best)
+        if leaving == "HIDES":
             return sight("MOVED", f"It stands {1000 * length:.0f} mm before its planned place, which it hides.", best)
-        if not stands_there:
+        if leaving == "OPEN":
             return sight("UNSEEN", _hiding(length), where=False)
         vector, length = None, 0.0
     if exposed <= 0:
@@ -227,21 +226,6 @@ def _hiding(length: float) -> str:
         f"A surface {1000 * length:.0f} mm from its planned place fits it, but no beams show that it left that place: "
         "it may stand there, hidden."
     )
-
-
-def _found(
-    place: Place, plan: Place, overlaps: float, context: Context, own: OwnEvidence, row: int
-) -> bool:
-    """Whether an element was found at a place other than its planned one, more than one of many places fits by chance.
-
-    An element that slid along its faces left a strip, and what tells of it is the rest of what tells of its plan.
-    ``overlaps`` is the share of it that lies on its planned place.
-    """
-    there, beyond = place.at, place.beyond
-    if place.at == plan.at:
-        there = float(own.at[row])
-        beyond = max(beyond, float(own.beyond[row]) - (1.0 - overlaps) * plan.exposed)
-    return fits_beyond_chance(there / max(there + beyond, 1e-12), place.rays, context)
 
 
 def glazed(model: BuildingModel, row: int) -> bool:

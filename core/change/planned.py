@@ -10,7 +10,7 @@ from datetime import date, datetime
 from typing import Any, Literal
 
 from ..errors import BimVerifyError
-from .parts import DEEPEST
+from ..model.parts import DEEPEST
 
 Act = Literal["build", "demolish", ""]
 DEMOLITION = ("DEMOLITION", "REMOVAL", "DISMANTLE", "DISPOSAL")

@@ -58,7 +58,7 @@ def group_progress(
     """Percent complete per storey, class and task.
 
     elements : as found against the model, whatever the reference is, since the plan tells what is to stand.
-    weight : each element's planned volume (or what stands for it).
+    weight : each element's planned volume (or what stands for it), space that elements share counted once.
 
     Complete is the share of the work that is done: what stands of elements to be built or to be left, what is gone of
     elements to be demolished. Temporary elements are no part of it. Of a task that runs on that ``day``, as much is due as of
@@ -112,7 +112,6 @@ def _due(expected: State, plan: Planned, day: date | None) -> float:
 def _done(standing: float, plan: Planned) -> float:
     """Share of the work on an element that is done when this share of it stands."""
     return 1.0 - standing if plan.act == "demolish" else standing
-
 
 
 def standing_ratio(found: ElementSight, state: State, shares: tuple[float, float, float, float]) -> float | None:

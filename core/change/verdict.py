@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from ..evidence.own_evidence import LEAST_OPPOSED, OwnEvidence, shows_gone, shows_standing
 from ..evidence.thresholds import Thresholds
-from .own_evidence import LEAST_OPPOSED, OwnEvidence, shows_gone, shows_standing
 
 Verdict = Literal["STANDS", "GONE", "PART", "LITTLE", "EITHER", "FEW"]
 """It stands, it is gone, part of it stands; rays pass, but too little of it was in view; what was found of it may be another
@@ -33,6 +33,8 @@ def verdict(
     told = found + float(own.beyond[row])
     if mine <= absent and shows_gone(at, through, present) and own.beyond[row] >= LEAST_OPPOSED * told:
         return "LITTLE" if seen_share < t.absent_seen_share else "GONE"
+    if own.own_by_chance(row):
+        return "EITHER"
     if absent < mine < present and shows_standing(at, 0, absent) and shows_gone(0, through, present):
         if seen_share < t.absent_seen_share:
             return "LITTLE"

@@ -18,8 +18,8 @@ from ..change.amounts import Absent, Amount, amounts
 from ..change.closing import close_gone
 from ..change.clusters import find_clusters
 from ..change.decide import element_state, ratios, undecided
+from ..change.holders import divided
 from ..change.look import EpochSight, look_at_elements, sensor_model
-from ..change.parts import Parts, read_parts
 from ..change.planned import Planned, parse_date, read_planned, reversed_tasks
 from ..change.progress import expected_state, group_progress, judge, standing_ratio
 from ..change.results import ChangeResult, ElementChange, EpochRecord, VoxelCounts
@@ -30,6 +30,7 @@ from ..evidence.collect import StationIndexes
 from ..evidence.photo_campaign import adjusted_freely, place_sigma
 from ..model.elements import BuildingModel
 from ..model.load import open_ifc
+from ..model.parts import Parts, read_parts
 from ..model.raycast import RayScene
 from ..model.sample_surface import sample_surface
 from ..occupancy.epoch import UNSEEN, Observation, observe, occupied_voxels
@@ -46,6 +47,8 @@ Scans = ScanSource | Sequence[str | Path]
 MODEL = "model"
 BESIDE_M = 5.0
 """What is new is looked for in the box around the model, this much larger on all sides."""
+OPEN_WEIGHT_M3 = 1e-3
+"""What an element whose surface is open, and which so has no volume, weighs in percent complete."""
 
 
 def change(
@@ -157,7 +160,6 @@ def _compare(
     for epoch in seen:
         anything |= epoch.state != UNSEEN
     first: Absent | None = None
-    weight = [float(v) or 1e-3 for v in solids.volume]
     alone, with_model, series = [], [], []
     for n, (view, epoch, its_day) in enumerate(zip(views, seen, days, strict=True)):
         of_view = state if n == last and before is None else _states(world, views, seen, n, None)
@@ -166,7 +168,7 @@ def _compare(
         found = amounts(world, gone, None, epoch, len(model.elements))
         on_day = tuple(p.on(its_day) for p in plans)
         alone.append(_elements(model, solids, found, view.sight, None, on_day, its_day))
-        series.append(group_progress(alone[-1], on_day, weight, its_day))
+        series.append(group_progress(alone[-1], on_day, _weights(solids, on_day), its_day))
         first = gone if view is before else first
     plans = on_day
     elements = planned_now = alone[-1]  # against the model: what the plan is compared with
@@ -203,6 +205,13 @@ def _compare(
         method=f"bim_verify {__version__} occupancy", timings=watch.seconds,
         warnings=tuple(_warnings(model, edge, options, views, has_reference, undated, left_out)),
     )
+
+
+def _weights(solids: SolidVoxels, plans: tuple[Planned, ...]) -> list[float]:
+    """Of each element in percent complete, m3: its planned volume; space that several take that count is divided equally."""
+    counted = np.array([not plan.temporary for plan in plans], np.bool_)
+    share = divided(solids.count, solids.element, solids.further, counted) / np.maximum(solids.count, 1)
+    return [float(v) or OPEN_WEIGHT_M3 for v in solids.volume * share]
 
 
 def _states(

@@ -21,6 +21,7 @@ from ..evidence.gather import SensorModel
 from ..evidence.photo_campaign import adjusted_freely, photo_campaign, place_sigma, read_dense, shared_sigma
 from ..evidence.photo_table import photo_table
 from ..evidence.scenery import Scenery, with_glass
+from ..evidence.settle import settled
 from ..evidence.sightings import Sightings
 from ..evidence.thresholds import Thresholds
 from ..evidence.verify import Findings, comes_near, looks_through_glass, places
@@ -116,6 +117,8 @@ def _verify(
         seen = with_glass(scenery, seen, samples.triangle[seen.sample], context.see_through)
         watch.lap("evidence")
         found = places(scenery, seen, context, progress.part(0.75, 1.0))
+        if photo is None:  # the rays of photos have no width, and no returns around them
+            found = settled(scenery, found, context)
         evidence = fuse_samples(
             len(samples), found.seen, options.fusion, ZONE_SIGMAS * level_sigma(options.loa), context.registration_sigma,
             context.thresholds.conflict_cap, options.sigma, context.window,

@@ -53,10 +53,11 @@ def remaining_mesh(result: ChangeResult, row: int) -> tuple[NDArray[np.float64],
 
     Its faces are those of voxels; a sheet thinner than a voxel, or an open surface, is as thick as the voxels that it meets.
     """
-    return _mesh(result, Shape.of(result, row))
+    return shape_mesh(result, Shape.of(result, row))
 
 
-def _mesh(result: ChangeResult, shape: Shape) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def shape_mesh(result: ChangeResult, shape: Shape) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The same of a shape that is known already."""
     return skin(shape.planned[shape.left], shape.box, np.array(result.anchor), result.edge)
 
 
@@ -78,7 +79,7 @@ def write_remaining(folder: str | Path, result: ChangeResult) -> list[Path]:
         shape, e = Shape.of(result, row), result.elements[row]
         if not shape.left.any():
             continue
-        vertices, quads = _mesh(result, shape)
+        vertices, quads = shape_mesh(result, shape)
         stem = "".join(c for c in e.global_id if c.isalnum() or c in "_$") or str(row)
         while stem.lower() in taken:
             stem = f"{stem}_{row}"

@@ -14,23 +14,28 @@ import ifcopenshell  # noqa: E402
 import ifcopenshell.util.element  # noqa: E402
 import numpy as np  # noqa: E402
 
-from bim_verify.bim_verify_addon import change_scene, scene  # noqa: E402
+from bim_verify.bim_verify_addon import change_scene, scene, voxel_scene  # noqa: E402
 from bim_verify.bim_verify_addon.capabilities.change import CAPABILITY  # noqa: E402
 from bim_verify.bim_verify_addon.headless import save_blend  # noqa: E402
 from bim_verify.core import jobs  # noqa: E402
 from bim_verify.core.change.results import ChangeResult  # noqa: E402
 from bim_verify.core.model.elements import BuildingModel  # noqa: E402
 from bim_verify.core.options import ChangeOptions  # noqa: E402
+from bim_verify.core.report.palette import CHANGE_COLORS, to_linear  # noqa: E402
+from bim_verify.core.report.remaining import remaining_volume  # noqa: E402
 from bim_verify.core.scans.campaign import Station  # noqa: E402
 from bim_verify.core.simulation.box_building import ArraySource  # noqa: E402
 from bim_verify.core.simulation.scanner import Scanner, scan_station  # noqa: E402
-from bim_verify.core.simulation.scene import Edit, build_scene  # noqa: E402
+from bim_verify.core.simulation.scene import Edit, Prop, build_scene  # noqa: E402
+
+HALL = Prop("hall", "box", (2.0, 1.5, 1.5), (8.0, 7.0, 6.0))
+"""Beams that pass through a gap in the house return from it."""
 
 
-def _scan(model: BuildingModel, edits: dict[int, Edit]) -> ArraySource:
+def _scan(model: BuildingModel, edits: dict[int, Edit], props: tuple[Prop, ...] = ()) -> ArraySource:
     scanner = Scanner("test", np.radians(1.5), sigma_range=0.001)
     places = np.array([[2.0, 1.5, 1.4], [1.2, 2.1, 1.2]]) - model.origin
-    found = [scan_station(build_scene(model, edits), p, np.eye(3), scanner, k) for k, p in enumerate(places)]
+    found = [scan_station(build_scene(model, edits, props), p, np.eye(3), scanner, k) for k, p in enumerate(places)]
     return ArraySource(
         tuple(Station(f"S{k}", p + model.origin) for k, p in enumerate(places)), tuple(f.offset for f in found)
     )
@@ -62,11 +67,63 @@ def test_elements_are_coloured_epoch_by_epoch(blender: bpy.types.Scene, changed:
     assert settings.epoch == 2
 
 
+@pytest.fixture(scope="module")
+def cut(house_model: BuildingModel) -> ChangeResult:
+    """In the second epoch the upper half of the north wall is gone."""
+    wall = next(k for k, e in enumerate(house_model.elements) if e.name == "North")
+    middle = float(np.mean([bound[wall, 2] for bound in house_model.element_bounds]))
+    edit = Edit("cut", direction=(0.0, 0.0, 1.0), removed=(middle, np.inf))
+    return jobs.change(
+        house_model, [_scan(house_model, {}, (HALL,)), _scan(house_model, {wall: edit}, (HALL,))], None,
+        ChangeOptions(voxel=0.05, sample_spacing=0.1),
+    )
+
+
+def _shapes(of: bpy.types.Scene) -> list[bpy.types.Object]:
+    return [item for item in of.objects if voxel_scene.REMAINING_KEY in item]
+
+
+def _corners(item: bpy.types.Object) -> np.ndarray:
+    bpy.context.view_layer.update()
+    return np.array([item.matrix_world @ vertex.co for vertex in item.data.vertices])
+
+
+def test_what_is_left_of_an_element_is_a_shape_in_its_place(
+    blender: bpy.types.Scene, cut: ChangeResult, changed: ChangeResult
+) -> None:
+    (row,) = cut.remaining
+    wall = cut.elements[row]
+    for _ in range(2):
+        change_scene.show_change(blender, cut)
+    (shape,) = _shapes(blender)
+    assert shape[voxel_scene.REMAINING_KEY] == wall.global_id
+    assert [c.name for c in shape.users_collection] == [voxel_scene.REMAINING]
+    left, planned = _corners(shape), _corners(scene.element_objects(blender)[wall.global_id])
+    np.testing.assert_allclose(left.min(axis=0), planned.min(axis=0), atol=cut.edge)
+    np.testing.assert_allclose(left[:, :2].max(axis=0), planned[:, :2].max(axis=0), atol=cut.edge)
+    assert left[:, 2].max() == pytest.approx(planned[:, 2].mean(), abs=3 * cut.edge)
+    assert shape["remaining_m3"] == pytest.approx(remaining_volume(cut, row))
+    assert shape["remaining_m3"] + shape["gone_m3"] == pytest.approx(wall.volume)
+    color = np.empty(4 * len(shape.data.vertices), np.float32)
+    shape.data.attributes[scene.COLOR].data.foreach_get("color", color)
+    np.testing.assert_allclose(color[:3], to_linear(np.array(CHANGE_COLORS[wall.state])), atol=1e-6)
+    assert not shape.hide_get()
+    blender.bim_verify_change.epoch = 1
+    assert shape.hide_get()
+    change_scene.show_change(blender, changed, only=[])
+    assert len(_shapes(blender)) == 1, "the others keep what they have"
+    change_scene.show_change(blender, changed)
+    assert not _shapes(blender)
+    change_scene.show_change(blender, cut)
+    change_scene.forget(blender)
+    assert not _shapes(blender)
+
+
 def test_another_model_takes_the_changes_away(blender: bpy.types.Scene, changed: ChangeResult) -> None:
     change_scene.show_change(blender, changed)
     change_scene.forget(blender)
     assert not blender.bim_verify_change.summary
-    assert not any(change_scene.VOXEL_KEY in item for item in blender.objects)
+    assert not any(voxel_scene.VOXEL_KEY in item for item in blender.objects)
     assert all(change_scene.state_now(item) == "" for item in scene.element_objects(blender).values())
 
 
@@ -75,15 +132,15 @@ def test_gone_voxels_are_a_surface_and_the_second_result_replaces_the_first(
 ) -> None:
     for _ in range(2):
         change_scene.show_change(blender, changed)
-    voxels = {item[change_scene.VOXEL_KEY]: item for item in blender.objects if change_scene.VOXEL_KEY in item}
-    assert sum(change_scene.VOXEL_KEY in item for item in blender.objects) == len(voxels)
+    voxels = {item[voxel_scene.VOXEL_KEY]: item for item in blender.objects if voxel_scene.VOXEL_KEY in item}
+    assert sum(voxel_scene.VOXEL_KEY in item for item in blender.objects) == len(voxels)
     assert {code for code, item in voxels.items() if item.hide_get()} == {0, 1}
     blender.bim_verify_change.epoch = 1
     assert all(item.hide_get() for item in voxels.values())
     blender.bim_verify_change.epoch = 2
     assert {code for code, item in voxels.items() if item.hide_get()} == {0, 1}
     gone = voxels[3].data
-    assert len(gone.polygons) > 0 and change_scene.STATE in gone.attributes
+    assert len(gone.polygons) > 0 and voxel_scene.STATE in gone.attributes
 
 
 def test_a_blend_file_is_saved(blender: bpy.types.Scene, changed: ChangeResult, tmp_path: Path) -> None:
@@ -163,7 +220,7 @@ def test_after_the_job_colours_slider_numbers_and_files(
     assert not bpy.ops.bim_verify.export_change.poll()
     assert bpy.ops.bim_verify.change() == {"FINISHED"}
     assert settings.summary and settings.epochs == 2 and blender.bim_verify.color_mode == change_scene.MODE
-    assert any(change_scene.VOXEL_KEY in item for item in blender.objects)
+    assert any(voxel_scene.VOXEL_KEY in item for item in blender.objects)
     column = next(e for e in changed.elements if e.ifc_class == "IfcColumn")
     item = scene.element_objects(blender)[column.global_id]
     assert change_scene.state_now(item) == "DISAPPEARED"

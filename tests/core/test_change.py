@@ -18,12 +18,12 @@ from bim_verify.core.change import solids
 from bim_verify.core.change.amounts import Amount
 from bim_verify.core.change.decide import Decision, element_state, partly_gone, ratios
 from bim_verify.core.change.look import ElementSight
-from bim_verify.core.change.overlap import overlap
-from bim_verify.core.change.own_evidence import clearly_inside, clearly_outside, shows_gone, shows_standing
 from bim_verify.core.change.results import STATES, ChangeResult, ElementChange
-from bim_verify.core.change.shared_surface import find_shared
 from bim_verify.core.change.solids import mesh_volumes, voxelise
 from bim_verify.core.errors import BimVerifyError
+from bim_verify.core.evidence.overlap import overlap
+from bim_verify.core.evidence.own_evidence import clearly_inside, clearly_outside, shows_gone, shows_standing
+from bim_verify.core.evidence.shared_surface import find_shared
 from bim_verify.core.evidence.sightings import Sightings
 from bim_verify.core.jobs import change
 from bim_verify.core.model.elements import BuildingModel
@@ -309,7 +309,7 @@ def test_a_part_and_its_whole_are_no_twins() -> None:
     import ifcopenshell
     import ifcopenshell.guid
 
-    from bim_verify.core.change.parts import read_parts
+    from bim_verify.core.model.parts import read_parts
 
     file = ifcopenshell.file(schema="IFC4")
     stair, flight, step, wall = (

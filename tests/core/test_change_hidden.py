@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from bim_verify.core.change.left_place import PlaceLeft
 from bim_verify.core.change.results import ElementChange
+from bim_verify.core.evidence.left_place import PlaceLeft
 from bim_verify.core.jobs import change
 from bim_verify.core.model.elements import BuildingModel
 from bim_verify.core.model.raycast import RayScene

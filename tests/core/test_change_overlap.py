@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bim_verify.core.change.holders import divided
 from bim_verify.core.change.solids import voxelise
 from bim_verify.core.jobs import change
 from bim_verify.core.occupancy.grid import VoxelGrid
 from bim_verify.core.options import ChangeOptions
 from bim_verify.core.report.remaining import remaining_mesh, remaining_volume
+from bim_verify.core.simulation.scene import Prop
 
 from . import verify_data
 from .test_change_parts import mesh_volume
@@ -21,6 +23,7 @@ OPTIONS = ChangeOptions(voxel=0.04, sigma=0.0013, sample_spacing=0.1, memory_gb=
 PILLAR = {"pillar": ("IfcColumn", (6.0, 2.5, 0.0), (6.2, 3.5, 3.0))}
 """In the half of the partition that is gone."""
 HALF = {"partition": (((6.0, 0.0, 0.0), (6.2, 2.0, 3.0)),)}
+HALL = Prop("hall", "box", (6.1, 2.0, 1.5), (14.0, 6.0, 5.0))
 HALF_M3, PILLAR_M3 = 1.2, 0.6
 
 
@@ -52,6 +55,30 @@ def test_a_column_that_stands_in_a_wall_that_is_gone(monkeypatch: pytest.MonkeyP
     wall, pillar = (result.elements[names.index(name)] for name in ("partition", "pillar"))
     assert pillar.state in ("CONFIRMED", "UNKNOWN") and pillar.disappeared_volume == 0.0
     assert wall.disappeared_volume == pytest.approx(HALF_M3 - PILLAR_M3, rel=0.05)
+
+
+def test_percent_complete_counts_space_that_elements_share_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the partition's 2.4 m3 and a column in it, which are both gone with the half that the column stands in, half is gone:
+    counted for both it would be 1.8 of 3.0 m3. Each has half of what they share."""
+    names = plan_with(monkeypatch, PILLAR, False)
+    model = house()
+    solids = voxelise(model, VoxelGrid.for_model(model.origin, 0.05))
+    all_of_them = np.ones(len(names), np.bool_)
+    voxels = divided(solids.count, solids.element, solids.further, all_of_them) * 0.05**3
+    wall, pillar = names.index("partition"), names.index("pillar")
+    assert voxels[[wall, pillar]] == pytest.approx([2 * HALF_M3 - PILLAR_M3 / 2, PILLAR_M3 / 2], rel=0.02)
+    without = all_of_them.copy()
+    without[pillar] = False
+    assert divided(solids.count, solids.element, solids.further, without)[wall] == solids.count[wall]
+    monkeypatch.setattr(verify_data, "PLAN", {name: verify_data.PLAN[name] for name in ("floor", "partition", "pillar")})
+    result = change(house(), [scan(built({"pillar": REMOVED}, (HALL,), HALF), seed=4)], None, OPTIONS)
+    partition, column = result.elements[1:]
+    assert (partition.state, column.state) == ("PARTIAL", "DISAPPEARED")
+    (storey,) = (g for g in result.groups if g.kind == "storey")
+    volume = {e.name: e.volume for e in result.elements}
+    floor = volume["floor"]
+    done = floor + partition.standing_ratio * (2 * HALF_M3 - PILLAR_M3 / 2)
+    assert storey.complete == pytest.approx(done / (floor + 2 * HALF_M3), abs=0.005)
 
 
 def test_each_of_several_elements_holds_the_voxels_that_they_share(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,14 +10,14 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from bim_verify.core.change.left_place import PlannedPlaces
 from bim_verify.core.change.look import _sight
-from bim_verify.core.change.own_evidence import OwnEvidence
-from bim_verify.core.change.turned_surface import AROUND_SPACINGS, _normals
 from bim_verify.core.evidence.decide import Context, Place
 from bim_verify.core.evidence.displacement import Shift
+from bim_verify.core.evidence.left_place import PlannedPlaces
+from bim_verify.core.evidence.own_evidence import OwnEvidence
 from bim_verify.core.evidence.station_index import build_index
 from bim_verify.core.evidence.thresholds import Thresholds
+from bim_verify.core.evidence.turned_surface import AROUND_SPACINGS, _normals
 from bim_verify.core.jobs import change
 from bim_verify.core.options import ChangeOptions
 from bim_verify.core.simulation.scene import Edit, Prop
@@ -76,7 +76,8 @@ def test_a_place_that_voxels_do_not_tell_from_the_planned_one_is_judged_as_the_p
     area = np.zeros(len(PLAN))
     area[row] = 1.0
     own = OwnEvidence(
-        at * area, 0 * area, beyond * area, 0 * area, (250 * at * area).astype(int), (250 * beyond * area).astype(int)
+        at * area, 0 * area, beyond * area, 0 * area, (250 * at * area).astype(int), (250 * beyond * area).astype(int),
+        (0 * area).astype(int),
     )
     context = cast(Context, SimpleNamespace(thresholds=Thresholds(), window=0.0275))
     found = _sight(house(), row, plan, best, 2.0, 0.0227, context, own, -1, cast(PlannedPlaces, cast(Any, None)))

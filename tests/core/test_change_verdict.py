@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bim_verify.core.change.own_evidence import OwnEvidence
 from bim_verify.core.change.verdict import verdict
+from bim_verify.core.evidence.own_evidence import OwnEvidence
 from bim_verify.core.evidence.thresholds import Thresholds
 
 
 def says(
-    at: float, either: float, beyond: float, beams_at: int, beams_through: int, seen_share: float = 0.5, glazed: bool = False
+    at: float, either: float, beyond: float, beams_at: int, beams_through: int, seen_share: float = 0.5, glazed: bool = False,
+    beams_either: int = 0,
 ) -> str:
     areas = [np.array([a]) for a in (at, either, beyond, 0.0)]
-    own = OwnEvidence(*areas, np.array([beams_at]), np.array([beams_through]))
+    own = OwnEvidence(*areas, np.array([beams_at]), np.array([beams_through]), np.array([beams_either]))
     return verdict(own, 0, seen_share, (0.25, 0.5), Thresholds(), glazed)
 
 
@@ -49,6 +50,12 @@ def test_little_of_it_in_view_does_not_show_that_it_or_a_part_is_gone() -> None:
     assert says(1.0, 0.0, 9.0, 10, 90, seen_share=0.04) == "LITTLE"
     assert says(4.0, 0.0, 6.0, 40, 60, seen_share=0.04) == "LITTLE"
     assert says(9.0, 0.0, 1.0, 90, 10, seen_share=0.04) == "STANDS"
+
+
+@pytest.mark.parametrize("own, expected", [(3, "EITHER"), (11, "STANDS")])
+def test_a_sheet_before_a_wall_does_not_stand_by_the_scatter_of_the_wall_s_returns(own: int, expected: str) -> None:
+    """One in twenty of a neighbour's returns lies farther than two sigmas from its face."""
+    assert says(0.01, 0.6, 0.0, own, 0, beams_either=100) == expected
 
 
 def test_few_beams_tell_nothing() -> None:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ..model.elements import BuildingModel
 from ..model.on_element import PARALLEL, ElementSurfaces
+from ..model.parts import Parts
 from ..model.samples import SurfaceSamples
-from .parts import Parts
 
 SAME_SURFACE_M = 0.002
 """Surfaces this close together, facing the same way, are one to any scanner."""

@@ -12,16 +12,16 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from ..evidence.collect import StationIndexes
-from ..evidence.gather import SensorModel
-from ..evidence.sightings import AT, BEYOND, GRAZE, Sightings
-from ..evidence.station_index import azimuth_half_width, azimuth_range, column_runs, place, row_range
 from ..model.elements import BuildingModel
 from ..model.on_element import ElementSurfaces
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..scans.store import in_sector
-from .own_evidence import LEAST_OPPOSED, TOLD_APART_SIGMAS
+from .collect import StationIndexes
+from .gather import SensorModel
+from .own_evidence import TOLD_APART_SIGMAS
+from .sightings import GRAZE, Sightings
+from .station_index import azimuth_half_width, azimuth_range, column_runs, place, row_range
 
 AROUND_SPACINGS = 3.0
 """Returns whose rays are this close, in point spacings, tell how the surface is turned: about 28 on a square grid."""
@@ -33,19 +33,15 @@ across."""
 
 def find_turned(
     seen: Sightings, model: BuildingModel, samples: SurfaceSamples, surfaces: ElementSurfaces, stations: StationIndexes,
-    sensor: SensorModel, window: float,
+    sensor: SensorModel, window: float, asked: NDArray[np.bool_],
 ) -> NDArray[np.int64]:
-    """Rows of such returns. Where nothing passes an element none is looked for: there is nothing to explain.
+    """Rows of such returns, of those that are ``asked`` for (M,).
 
     ``window`` [m]: within it a return is at its place, and a face of the element is near. Where the returns around lie on no
     plane (edges, slender or round things) nothing is said.
     """
-    state, count = seen.state(window), len(model.elements)
-    at, beyond = (seen.on_face & (state == what) for what in (AT, BEYOND))
     element = samples.element[seen.sample]
-    there, passed = (np.bincount(element[of], minlength=count) for of in (at, beyond))
-    opposed = passed >= LEAST_OPPOSED * (there + passed)
-    row = np.flatnonzero(at & opposed[element] & (seen.station >= 0))
+    row = np.flatnonzero(asked & (seen.station >= 0))
     normal = np.full((len(row), 3), np.nan)
     for station, index, sector in stations.visit(sensor, Progress(), AROUND_SPACINGS):
         mine = np.flatnonzero(seen.station[row] == station)

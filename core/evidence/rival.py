@@ -9,11 +9,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..evidence.decide import Context, Place, enough_seen
-from ..evidence.search import MOST_AXES
-from ..evidence.sightings import SEARCH_M
+from .decide import Context, Place, enough_seen
 from .left_place import PlannedPlaces
 from .own_evidence import shows_gone, shows_standing
+from .search import MOST_AXES
+from .sightings import SEARCH_M
 
 
 def fits_beyond_chance(share: float, rays: int, context: Context) -> bool:
@@ -22,6 +22,18 @@ def fits_beyond_chance(share: float, rays: int, context: Context) -> bool:
     tried = 2 * MOST_AXES * SEARCH_M / (1.5 * context.window)
     at = round(share * rays)
     return share >= t.present_share and shows_standing(at, rays - at, t.absent_share, tried)
+
+
+def is_found(place: Place, plan: Place, at: float, beyond: float, overlaps: float, context: Context) -> bool:
+    """Whether an element was found at a place other than its planned one, more than one of many places fits by chance.
+
+    An element that slid along its faces left a strip, and what tells of it is the rest of what tells of its plan: ``at`` and
+    ``beyond`` [m2] of that are its own. ``overlaps`` is the share of it that lies on its planned place.
+    """
+    if place.at != plan.at:
+        return fits_beyond_chance(place.at / max(place.at + place.beyond, 1e-12), place.rays, context)
+    beyond = max(place.beyond, beyond - (1.0 - overlaps) * plan.exposed)
+    return fits_beyond_chance(at / max(at + beyond, 1e-12), place.rays, context)
 
 
 def rival(

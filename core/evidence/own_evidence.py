@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from ..evidence.decide import shared_area
-from ..evidence.sightings import AT, BEYOND, GRAZE, ON_FACE_M, Sightings
-from ..evidence.slide import crossings
 from ..model.elements import BuildingModel
 from ..model.on_element import ElementSurfaces
+from ..model.parts import Parts
 from ..model.samples import SurfaceSamples
-from .parts import Parts
+from .decide import shared_area
 from .shared_surface import on_others
+from .sightings import AT, BEYOND, GRAZE, ON_FACE_M, Sightings
+from .slide import crossings
 
 BEAM_EXIT_RADIUS_M = 0.003
 BEAM_SPREAD_RAD = 1.5e-4
@@ -52,6 +52,14 @@ class OwnEvidence:
     """Different returns from what is its alone."""
     beams_through: NDArray[np.int64]
     """Different returns whose beams clearly passed through it."""
+    beams_either: NDArray[np.int64]
+    """Different returns that may be another element's."""
+
+    def own_by_chance(self, row: int) -> bool:
+        """Whether so few of its returns are its alone that they may be the other element's too: of those one in twenty lies
+        farther than two sigmas from that one's face."""
+        at, either = int(self.beams_at[row]), int(self.beams_either[row])
+        return either > 0 and not shows_standing(at, either, ERROR_RATE)
 
     def share(self, row: int) -> float:
         """Share of what was seen of it that is at its place."""
@@ -85,18 +93,27 @@ def find_touching(
     the other; without the board its wall is seen within the window. ``origins`` (M, 3) of the rays, metres, local frame.
     """
     near = TOLD_APART_SIGMAS * sigma
-    state, count = seen.state(window), len(model.elements)
-    at, beyond = (seen.on_face & (state == what) for what in (AT, BEYOND))
+    at, opposed = at_opposed(seen, samples, window, len(model.elements))
     element = samples.element[seen.sample]
-    there, passed = (np.bincount(element[of], minlength=count) for of in (at, beyond))
-    opposed = passed >= LEAST_OPPOSED * (there + passed)
     farther = np.abs(seen.deviation) > near + sigma
-    row = np.flatnonzero(at & (farther | opposed[element]))
+    row = np.flatnonzero(at & (farther | opposed))
     point = seen.point[row].astype(np.float64)
     back = origins[row] - point
     back /= np.maximum(np.linalg.norm(back, axis=1, keepdims=True), 1e-9)
     pair, other = on_others(model, surfaces, point, back, element[row], near, parts, GRAZE)
     return Touching(row[pair], other, farther[row[pair]])
+
+
+def at_opposed(
+    seen: Sightings, samples: SurfaceSamples, window: float, elements: int
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """(M,) of the sightings: returns from the place of the own element; and whether more of that element passes than at edges
+    and recesses of one that stands."""
+    state = seen.state(window)
+    at, beyond = (seen.on_face & (state == what) for what in (AT, BEYOND))
+    element = samples.element[seen.sample]
+    there, passed = (np.bincount(element[of], minlength=elements) for of in (at, beyond))
+    return at, (passed >= LEAST_OPPOSED * (there + passed))[element]
 
 
 def own_evidence(
@@ -122,13 +139,14 @@ def own_evidence(
     )
     telling = np.flatnonzero(at | beyond)
     beam = _beam_of(seen, element, telling)
-    returned, sure = np.unique(beam[at[telling]]), (at & ~unsure)[telling]
+    returned, sure, doubtful = np.unique(beam[at[telling]]), (at & ~unsure)[telling], unsure[telling]
     row = telling[beyond[telling] & ~np.isin(beam, returned)]
     inside = row[clearly_inside(seen.rows(row), samples, origins[row], surfaces, registration_sigma)]
     return OwnEvidence(
         found, shared, passed, _silent(seen, samples, window, at | beyond, elements),
         _count_beams(element[telling[sure]], beam[sure], elements),
         _count_beams(element[inside], _beam_of(seen, element, inside), elements),
+        _count_beams(element[telling[doubtful]], beam[doubtful], elements),
     )
 
 
@@ -184,6 +202,22 @@ def clearly_outside(
     for beside in _four_sides(place, normal, _beam_radius(seen) + 2.0 * registration_sigma):
         outside &= ~_on_face(beside, seen, samples, surfaces)
     return outside
+
+
+def clearly_over(
+    seen: Sightings, samples: SurfaceSamples, surfaces: ElementSurfaces, margin: float
+) -> NDArray[np.bool_]:
+    """(M,) whether each return lies over a face of its element, at least ``margin`` [m] inside the outline.
+
+    A ray that meets a face may have returned from what stands at its edge.
+    """
+    sample = seen.sample.astype(np.int64)
+    normal, position, point = samples.normal[sample], samples.position[sample], seen.point.astype(np.float64)
+    foot = point - np.einsum("ij,ij->i", point - position, normal)[:, None] * normal
+    over = np.ones(len(seen), np.bool_)
+    for beside in _four_sides(foot, normal, np.full(len(seen), margin)):
+        over &= _on_face(beside, seen, samples, surfaces)
+    return over
 
 
 def _beam_radius(seen: Sightings) -> NDArray[np.float64]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..evidence.hypotheses import face_groups
-from ..evidence.thresholds import Thresholds
 from ..model.elements import BuildingModel
+from .hypotheses import face_groups
+from .thresholds import Thresholds
 
 ABSENT_OVERLAP = Thresholds.absent_share
 """An element moved so far that no more than this of it overlaps its planned place has left that place."""

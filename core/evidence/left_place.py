@@ -8,18 +8,23 @@ from it, and those that the surface stopped although the model leaves the way to
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from ..evidence.sightings import AT, BEYOND, Sightings
-from ..evidence.slide import ALONG
 from ..model.on_element import ElementSurfaces
 from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
-from .own_evidence import ERROR_RATE, LEAST_OPPOSED, clearly_inside, clearly_outside
+from .own_evidence import ERROR_RATE, LEAST_OPPOSED, clearly_inside, clearly_outside, shows_standing
+from .sightings import AT, BEYOND, Sightings
+from .slide import ALONG
+from .thresholds import Thresholds
 
+Leaving = Literal["LEFT", "HIDES", "STANDS", "OPEN"]
+"""Of an element that fits another place: its planned one is empty, or is hidden by what was found though it should be in view;
+it stands at the planned one; or it may stand there, hidden."""
 ACROSS = 0.5
 """Faces whose normal has this cosine with a shift leave their plane by it; those along it stay in theirs and tell nothing."""
 BEFORE_M = 0.02
@@ -99,6 +104,20 @@ class PlannedPlaces:
             len(np.unique(seen.ray_key(across & (np.abs(off) <= half)))),
             through + len(np.unique(seen.ray_key(behind))), len(free), len(np.unique(key)) - len(free),
         )
+
+    def leaving(self, row: int, shift: NDArray[np.float64], through: int, stays: bool, t: Thresholds) -> Leaving:
+        """Whether element ``row``, which fits the place off by ``shift`` (3,), left its planned one.
+
+        ``through`` as in ``left``; ``stays``: much of it overlaps its planned place from there.
+        """
+        left = self.left(row, shift, through)
+        if left.passed:
+            return "LEFT"
+        if shows_standing(left.at, left.through + left.stopped, t.present_share) or shows_standing(
+            *self.strip(row, shift), t.absent_share
+        ):
+            return "STANDS"
+        return "HIDES" if stays and left.should_be_seen(t.present_share) else "OPEN"
 
     def strip(self, row: int, shift: NDArray[np.float64]) -> tuple[int, int]:
         """Different beams that (return from, pass) the part of the faces along ``shift`` (3,) that it would leave.
