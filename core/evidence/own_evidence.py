@@ -204,22 +204,6 @@ def clearly_outside(
     return outside
 
 
-def clearly_over(
-    seen: Sightings, samples: SurfaceSamples, surfaces: ElementSurfaces, margin: float
-) -> NDArray[np.bool_]:
-    """(M,) whether each return lies over a face of its element, at least ``margin`` [m] inside the outline.
-
-    A ray that meets a face may have returned from what stands at its edge.
-    """
-    sample = seen.sample.astype(np.int64)
-    normal, position, point = samples.normal[sample], samples.position[sample], seen.point.astype(np.float64)
-    foot = point - np.einsum("ij,ij->i", point - position, normal)[:, None] * normal
-    over = np.ones(len(seen), np.bool_)
-    for beside in _four_sides(foot, normal, np.full(len(seen), margin)):
-        over &= _on_face(beside, seen, samples, surfaces)
-    return over
-
-
 def _beam_radius(seen: Sightings) -> NDArray[np.float64]:
     """(M,) metres (1/e2), where the beams cross the queries' planes."""
     return BEAM_EXIT_RADIUS_M + BEAM_SPREAD_RAD * seen.distance.astype(np.float64)
