@@ -41,7 +41,8 @@ far within its edge a hole seems to begin."""
 STRAY = 0.02
 """Share of columns in which something else than the edge ends the face or the hole."""
 ON_REVEAL = 0.4
-"""Last returns that lie so deep on the mean, in half-widths of the band, are not on the face."""
+"""Last returns that lie so much deeper than the face beside them, in half-widths of the band, are not on it. The face
+itself lies as deep where one station is off."""
 BANDS_PER_NOISE = 12.0
 """Half-widths of the band per standard deviation of a return's place along the face."""
 LEAST_NOISE_M, COLUMN_NOISES = 0.0002, 4.0
@@ -175,7 +176,7 @@ def seen_edge(
     middles = float(np.median(a[last])), float(np.median(first_open))
     low, high = sorted((side * (min(middles) - NEAR_M), side * (max(middles) + NEAR_M)))
     by_reveal = reveal(low, high)
-    if by_reveal is None and depth[last].mean() > ON_REVEAL * band:
+    if by_reveal is None and depth[last].mean() - np.median(depth[solid]) > ON_REVEAL * band:
         # the last returns within the band lie on the reveal, and the last of many goes beyond it by their noise
         return EdgePlace(side * (middles[0] - noise), float(np.hypot(noise, REVEAL_SIGMA_M)), True)
     return by_reveal or _between(a[last], first_open, noise, side)
