@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_opening, find_objects, label
 
-from .opening_edges import LEAST_CELLS
+from .opening_edges import LEAST_CELLS, SIDE_SEEN, wall_lines
 
 Cells = NDArray[np.int8]
 Rectangle = tuple[int, int, int, int]
@@ -18,8 +18,6 @@ UNKNOWN, SOLID, OPEN, VOID, HIDDEN = 0, 1, 2, 3, 4
 EDGE_CELLS = 2
 LEAST_SEEN_M = 0.14
 """So much of a hole must be seen, or all of its sides but one."""
-SIDE_SEEN = 0.5
-"""A side of a hole was seen if wall follows close to what is open along this share of it."""
 LEAST_SEEN_M2 = 0.06
 NEAR_M = 0.3
 
@@ -115,7 +113,7 @@ def _over_each_other(state: Cells, rectangles: list[Rectangle]) -> list[Rectangl
         for n, b in enumerate(out):
             i0, i1 = min(a[0], b[0]), max(a[1], b[1])
             same = max(abs(a[0] - b[0]), abs(a[1] - b[1])) <= EDGE_CELLS and b[3] <= a[2]
-            if same and (state[i0:i1, b[3] : a[2]] == SOLID).sum() < LEAST_CELLS:
+            if same and not wall_lines(state[i0:i1, b[3] : a[2]].T == SOLID).any():
                 out[n] = i0, i1, b[2], a[3]
                 break
         else:
@@ -126,7 +124,7 @@ def _over_each_other(state: Cells, rectangles: list[Rectangle]) -> list[Rectangl
 def continued(state: Cells, rectangle: Rectangle) -> Rectangle:
     """A hole goes on behind what stands before it, to where one of its upright sides is seen again in the same line."""
     i0, i1, k0, k1 = rectangle
-    wall = (state[clear_of_edges(i0, i1)] == SOLID).sum(axis=0) >= LEAST_CELLS
+    wall = wall_lines(state[clear_of_edges(i0, i1)].T == SOLID)
     again = np.zeros(len(wall), dtype=np.bool_)
     for within, beyond in (
         (state[i0 : i0 + EDGE_CELLS], state[max(i0 - EDGE_CELLS, 0) : i0]),

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import binary_opening, gaussian_filter1d
 from scipy.special import ndtr
 
 from .crossings import BEFORE, Crossings
@@ -24,6 +24,10 @@ OPEN_SHARE = 0.6
 LEAST_CELLS = 2
 JUMP_M = 0.1
 """What is open beyond a longer stretch of nothing seen need not belong to the same hole."""
+LEAST_DEEP = 5
+"""Lines: one row of returns fills up to four of them where nothing else is known."""
+SIDE_SEEN = 0.5
+"""A side of a hole was seen if wall follows close to what is open along this share of it."""
 LEAST_PIER_M = 0.06
 """No wall is as narrow between two holes: the end of a leaf that stands open at right angles before the wall is 4 or 5 cm."""
 SEEN_CELLS = 3.0
@@ -37,7 +41,8 @@ far within its edge a hole seems to begin."""
 STRAY = 0.02
 """Share of columns in which something else than the edge ends the face or the hole."""
 ON_REVEAL = 0.4
-"""Last returns that lie so deep on the mean, in half-widths of the band, are not on the face."""
+"""Last returns that lie so much deeper than the face beside them, in half-widths of the band, are not on it. The face
+itself lies as deep where one station is off."""
 BANDS_PER_NOISE = 12.0
 """Half-widths of the band per standard deviation of a return's place along the face."""
 LEAST_NOISE_M, COLUMN_NOISES = 0.0002, 4.0
@@ -95,6 +100,16 @@ def gathered(sides: list[Crossings], band: float) -> Returns:
     return Returns(np.where(on, end_u, u), np.where(on, end_z, z), on, depth > band, end_u, end_z, depth)
 
 
+def wall_lines(solid: Flags) -> Flags:
+    """(lines,) of ``solid`` (lines, across) that show wall: along half of the line, or in cells that go on over lines.
+
+    A level top before a hole ends at the wall's plane in a few cells, and so does what stands upright there.
+    """
+    deep = binary_opening(solid, np.ones((LEAST_DEEP, 1), dtype=np.bool_)).sum(axis=1)
+    shown: Flags = (deep >= LEAST_CELLS) | (solid.sum(axis=1) >= max(SIDE_SEEN * solid.shape[1], LEAST_CELLS))
+    return shown
+
+
 def bracket(holes: Flags, solid: Flags, end: int, sign: int, most_jump: int, pier: int) -> tuple[int, int, int]:
     """(last line that is open, where it may end, first line that is solid) from line ``end`` of a hole outwards.
 
@@ -105,8 +120,9 @@ def bracket(holes: Flags, solid: Flags, end: int, sign: int, most_jump: int, pie
     """
     inner, jump = end, 0
     open_cells, solid_cells = holes.sum(axis=1), solid.sum(axis=1)
-    is_wall = (solid_cells >= LEAST_CELLS) & (open_cells <= OPEN_SHARE * (open_cells + solid_cells))
-    is_open = (open_cells >= LEAST_CELLS) & ~is_wall
+    is_solid = (solid_cells >= LEAST_CELLS) & (open_cells <= OPEN_SHARE * (open_cells + solid_cells))
+    is_open = (open_cells >= LEAST_CELLS) & ~is_solid
+    is_wall = is_solid & wall_lines(solid)
     line, ends = end + sign, None
     while 0 <= line < len(holes):
         beyond = is_open[line : line + pier] if sign > 0 else is_open[max(line - pier + 1, 0) : line + 1]
@@ -160,7 +176,7 @@ def seen_edge(
     middles = float(np.median(a[last])), float(np.median(first_open))
     low, high = sorted((side * (min(middles) - NEAR_M), side * (max(middles) + NEAR_M)))
     by_reveal = reveal(low, high)
-    if by_reveal is None and depth[last].mean() > ON_REVEAL * band:
+    if by_reveal is None and depth[last].mean() - np.median(depth[solid]) > ON_REVEAL * band:
         # the last returns within the band lie on the reveal, and the last of many goes beyond it by their noise
         return EdgePlace(side * (middles[0] - noise), float(np.hypot(noise, REVEAL_SIGMA_M)), True)
     return by_reveal or _between(a[last], first_open, noise, side)

@@ -27,7 +27,6 @@ from .hole_rectangles import (
 )
 from .opening_edges import (
     JUMP_M,
-    LEAST_CELLS,
     LEAST_PIER_M,
     SEEN_CELLS,
     SIDES,
@@ -38,6 +37,7 @@ from .opening_edges import (
     reveal_between,
     reveal_edge,
     seen_edge,
+    wall_lines,
 )
 from .opening_fill import is_filled
 
@@ -187,7 +187,7 @@ def _refined(
     down = z0 - floor < DOOR_SILL_M
     foot, sill = (max(round((z - raster.z0) / cell), 0) for z in (floor + DOOR_SILL_M, z0))
     below = raster.state[clear_of_edges(*rectangle[:2]), foot:sill] == SOLID
-    wall_below = bool((below.sum(axis=0) >= LEAST_CELLS).any())
+    wall_below = bool(wall_lines(below.T).any())
     rays = gathered(sides, band)
     near_z = (rays.z > z0 + 0.1 * (z1 - z0)) & (rays.z < z1 - 0.1 * (z1 - z0))
     near_u = (rays.u > u0 + 0.1 * (u1 - u0)) & (rays.u < u1 - 0.1 * (u1 - u0))

@@ -232,6 +232,17 @@ def test_an_edge_is_as_likely_at_the_end_of_its_gap_as_in_the_middle() -> None:
     assert np.mean(held) > 0.9
 
 
+def test_a_face_that_a_station_sees_too_deep_is_not_taken_for_the_reveal() -> None:
+    """The station is 6 mm off; its columns are 35 mm apart and alike in all strips, so the edge lies anywhere between two."""
+    rng = np.random.default_rng(9)
+    u, z = (v.ravel() for v in np.meshgrid(np.arange(0.88, 1.15, 0.035), np.arange(0.0, 0.8, 0.01)))
+    edge = 1.01
+    depth = np.where(u < edge, rng.normal(0.006, 0.001, len(u)), 3.0)
+    place = seen_edge(u, z, depth, np.ones(len(u), dtype=np.bool_), edge, edge, 0.03, 1.0, BAND, lambda *_: None)
+    assert place is not None and place.sigma == pytest.approx(0.035 / np.sqrt(12), rel=0.2)
+    assert abs(place.at - edge) < 1.96 * place.sigma
+
+
 def test_a_return_on_a_moved_face_is_where_it_is() -> None:
     """The ray was followed to the face where that was looked for first; the return lies on the face that was found."""
     side = Crossings(np.array([1.02, 1.5]), np.array([1.0, 1.2]), np.array([0.005, 2.0]), np.array([1.0, 1.9]),

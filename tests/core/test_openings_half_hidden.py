@@ -12,11 +12,14 @@ BAND = 0.012
 Box = tuple[float, float, float, float]
 
 
-def openings(holes: list[Box], hidden: list[Box]) -> list[Opening]:
-    """Of a wall of 4 m by 2.6 m seen at right angles; boxes are u0, u1, z0, z1, what hides stands 0.5 m before the wall."""
+def openings(holes: list[Box], hidden: list[Box], touching: Box = (0.0, 0.0, 0.0, 0.0)) -> list[Opening]:
+    """Of a wall of 4 m by 2.6 m seen at right angles; boxes are u0, u1, z0, z1, what hides stands 0.5 m before the wall.
+
+    What is ``touching`` lies in the wall's plane before a hole.
+    """
     u, z = (v.ravel() for v in np.meshgrid(np.arange(0.005, 4.0, 0.01), np.arange(0.005, 2.6, 0.01)))
     depth = np.random.default_rng(1).normal(0.0, 0.002, len(u))
-    for boxes, at in ((holes, 3.0), (hidden, -0.5)):
+    for boxes, at in ((holes, 3.0), (hidden, -0.5), ([touching], 0.0)):
         for u0, u1, z0, z1 in boxes:
             depth[(u > u0) & (u < u1) & (z > z0) & (z < z1)] = at
     side = Crossings(u, z, depth, u, z, np.arange(len(u)))
@@ -56,3 +59,16 @@ def test_wall_between_two_holes_over_each_other_parts_them() -> None:
     upper, lower = (1.0, 2.0, 1.7, 2.3), (1.0, 2.0, 0.5, 1.1)
     found = openings([upper, lower], [(0.8, 1.4, 1.0, 1.8)])
     assert sorted(o.z1 for o in found) == pytest.approx([1.1, 2.3], abs=0.02)
+
+
+@pytest.mark.parametrize("row", [(1.3, 1.4, 1.48, 1.5), (1.3, 1.7, 1.49, 1.5)])
+def test_a_row_of_returns_on_a_cupboards_top_is_not_the_sill(row: Box) -> None:
+    (opening,) = openings([(1.0, 2.2, 0.9, 2.1)], [(0.6, 2.8, 0.0, 1.5)], row)
+    assert opening.foot_hidden and opening.hidden == ("sill",)
+    assert opening.z0 - 1.96 * opening.edge_sigma[2] < 0.9 < 1.45 < opening.z0 + 1.96 * opening.edge_sigma[2]
+
+
+def test_a_low_strip_of_wall_over_a_cupboard_shows_the_sill() -> None:
+    (opening,) = openings([(1.0, 2.2, 0.9, 2.1)], [(0.6, 2.8, 0.0, 0.84)])
+    assert opening.kind == "window" and opening.hidden == ()
+    assert opening.z0 == pytest.approx(0.9, abs=0.006)
