@@ -82,6 +82,10 @@ class Touching:
         stands = ~gone[self.other]
         return self.row[stands & self.farther], self.row[stands & ~self.farther]
 
+    def joined(self, more: Touching) -> Touching:
+        """These and ``more``."""
+        return Touching(**{k: np.concatenate([v, getattr(more, k)]) for k, v in vars(self).items()})
+
 
 def find_touching(
     seen: Sightings, model: BuildingModel, samples: SurfaceSamples, origins: NDArray[np.float64], surfaces: ElementSurfaces,
@@ -180,9 +184,9 @@ def clearly_inside(
     sample = seen.sample.astype(np.int64)
     normal, position = samples.normal[sample], samples.position[sample]
     place = crossings(seen, origins, position, normal)
-    margin = WELL_INSIDE * _beam_radius(seen) + 2.0 * registration_sigma
+    margin = WELL_INSIDE * beam_radius(seen) + 2.0 * registration_sigma
     inside = np.ones(len(seen), np.bool_)
-    for beside in _four_sides(place, normal, margin):
+    for beside in four_sides(place, normal, margin):
         inside &= _on_face(beside, seen, samples, surfaces)
     return inside
 
@@ -199,7 +203,7 @@ def clearly_outside(
     normal, position = samples.normal[sample], samples.position[sample]
     place = crossings(seen, origins, position, normal) - shift
     outside = ~_on_face(place, seen, samples, surfaces)
-    for beside in _four_sides(place, normal, _beam_radius(seen) + 2.0 * registration_sigma):
+    for beside in four_sides(place, normal, beam_radius(seen) + 2.0 * registration_sigma):
         outside &= ~_on_face(beside, seen, samples, surfaces)
     return outside
 
@@ -215,17 +219,32 @@ def clearly_over(
     normal, position, point = samples.normal[sample], samples.position[sample], seen.point.astype(np.float64)
     foot = point - np.einsum("ij,ij->i", point - position, normal)[:, None] * normal
     over = np.ones(len(seen), np.bool_)
-    for beside in _four_sides(foot, normal, np.full(len(seen), margin)):
+    for beside in four_sides(foot, normal, np.full(len(seen), margin)):
         over &= _on_face(beside, seen, samples, surfaces)
     return over
 
 
-def _beam_radius(seen: Sightings) -> NDArray[np.float64]:
+def from_edges(
+    seen: Sightings, samples: SurfaceSamples, surfaces: ElementSurfaces, at: NDArray[np.bool_], sigma: float, elements: int
+) -> NDArray[np.int64]:
+    """Rows of returns, of those ``at`` the places of their elements (M,), that came from what stands at an edge.
+
+    They lie farther from the face than the sensor's error allows, and not over it, like most such returns of the element: a few
+    at the border of a face that is off are its own.
+    """
+    row = np.flatnonzero(at & (np.abs(seen.deviation) > (TOLD_APART_SIGMAS + 1.0) * sigma))
+    beside = ~clearly_over(seen.rows(row), samples, surfaces, TOLD_APART_SIGMAS * sigma)
+    element = samples.element[seen.sample[row]]
+    asked, aside = (np.bincount(of, minlength=elements) for of in (element, element[beside]))
+    return row[beside & (2 * aside > asked)[element]]
+
+
+def beam_radius(seen: Sightings) -> NDArray[np.float64]:
     """(M,) metres (1/e2), where the beams cross the queries' planes."""
     return BEAM_EXIT_RADIUS_M + BEAM_SPREAD_RAD * seen.distance.astype(np.float64)
 
 
-def _four_sides(
+def four_sides(
     place: NDArray[np.float64], normal: NDArray[np.float64], margin: NDArray[np.float64]
 ) -> Iterator[NDArray[np.float64]]:
     """Places (M, 3) beside ``place`` (M, 3), by ``margin`` (M,) metres each, in the planes of ``normal`` (M, 3)."""

@@ -15,7 +15,7 @@ from ..model.elements import BuildingModel
 from .decide import Context, Place, assess_place, choose, enough_seen
 from .left_place import PlannedPlaces
 from .overlap import ABSENT_OVERLAP, overlap
-from .own_evidence import TOLD_APART_SIGMAS, at_opposed, clearly_over, find_touching, own_evidence
+from .own_evidence import TOLD_APART_SIGMAS, at_opposed, find_touching, from_edges, own_evidence
 from .rival import is_found, rival
 from .scenery import Scenery
 from .turned_surface import find_turned
@@ -75,10 +75,7 @@ def _told_apart(scenery: Scenery, found: Findings, context: Context) -> tuple[Fi
     apart = (TOLD_APART_SIGMAS + 1.0) * sigma
     element = samples.element[seen.sample]
     off = np.array([np.linalg.norm(plan.fit.vector) > apart for plan in found.plans])
-    edge = np.flatnonzero(at & off[element] & (np.abs(seen.deviation) > apart))
-    beside = ~clearly_over(seen.rows(edge), samples, surfaces, TOLD_APART_SIGMAS * sigma)
-    asked, aside = (np.bincount(element[of], minlength=count) for of in (edge, edge[beside]))
-    edge = edge[beside & (2 * aside > asked)[element[edge]]]  # a few at the border of a face that is off are its own
+    edge = from_edges(seen, samples, surfaces, at & off[element], sigma, count)
     seen = seen.beside(np.concatenate([turned, edge]))
     first = np.searchsorted(seen.sample, samples.first_of(count))
     plans, best, doubted = list(found.plans), list(found.best), set()
