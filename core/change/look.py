@@ -133,9 +133,7 @@ def look_at_elements(
     origins = scenery.origins(found.seen)
     touching = find_touching(found.seen, model, found.samples, origins, surfaces, window, sigma, parts)
     at, opposed = at_opposed(found.seen, found.samples, window, len(model.elements))  # else there is nothing to explain
-    touching = touching.joined(
-        split_beams(found.seen, at & opposed, found.samples, origins, scene, sigma, registration_sigma, parts)
-    )
+    split = split_beams(found.seen, at & opposed, found.samples, origins, scene, sigma, registration_sigma, parts)
     turned = find_turned(found.seen, model, found.samples, surfaces, stations, sensor_model(sigma), window, at & opposed)
     planned = PlannedPlaces.of(
         found.seen, origins, found.samples, scene, surfaces, window, registration_sigma, len(model.elements)
@@ -152,8 +150,8 @@ def look_at_elements(
         others, either = touching.split(known_gone)
         own = own_evidence(
             found.seen.explained_too(others), found.samples, origins, surfaces,
-            shared.in_doubt(len(found.samples), known_gone), np.concatenate([either, turned]), window, registration_sigma,
-            len(model.elements),
+            shared.in_doubt(len(found.samples), known_gone), np.concatenate([either, turned]),
+            np.unique(split.split(known_gone)[1]), window, registration_sigma, len(model.elements),
         )
         elements = tuple(
             _sight(model, row, plan, best, float(exposed[row]), tolerance, context, own,

@@ -53,7 +53,9 @@ class OwnEvidence:
     beams_through: NDArray[np.int64]
     """Different returns whose beams clearly passed through it."""
     beams_either: NDArray[np.int64]
-    """Different returns that may be another element's."""
+    """Different returns that may be another element's, or from between two."""
+    beams_split: NDArray[np.int64]
+    """Of these, different returns of beams of which a part meets another element first: its own, or from between the two."""
 
     def own_by_chance(self, row: int) -> bool:
         """Whether so few of its returns are its alone that they may be the other element's too: of those one in twenty lies
@@ -81,10 +83,6 @@ class Touching:
         """(from another element, from either) rows, of others that are not known to be ``gone`` (E,)."""
         stands = ~gone[self.other]
         return self.row[stands & self.farther], self.row[stands & ~self.farther]
-
-    def joined(self, more: Touching) -> Touching:
-        """These and ``more``."""
-        return Touching(**{k: np.concatenate([v, getattr(more, k)]) for k, v in vars(self).items()})
 
 
 def find_touching(
@@ -122,12 +120,14 @@ def at_opposed(
 
 def own_evidence(
     seen: Sightings, samples: SurfaceSamples, origins: NDArray[np.float64], surfaces: ElementSurfaces,
-    doubt: NDArray[np.bool_], either: NDArray[np.int64], window: float, registration_sigma: float, elements: int,
+    doubt: NDArray[np.bool_], either: NDArray[np.int64], split: NDArray[np.int64], window: float,
+    registration_sigma: float, elements: int,
 ) -> OwnEvidence:
     """Weigh the sightings ``seen`` of the samples at their planned places.
 
     origins (M, 3) of the rays [m, local frame]; doubt (N,) whether a sample is another element's surface as well;
-    ``either``: rows of sightings that may be another element's; ``window`` [m] within which a return is at its place.
+    ``either``: rows of sightings that may be another element's, ``split``: or from between the own one and another;
+    ``window`` [m] within which a return is at its place.
     """
     state = seen.state(window)
     at, beyond = (seen.on_face & (state == what) for what in (AT, BEYOND))
@@ -135,7 +135,7 @@ def own_evidence(
     element = samples.element[sample].astype(np.int64)
     area = shared_area(seen, samples.area[sample], at | beyond)
     unsure = doubt[sample]
-    unsure[either] = True
+    unsure[either] = unsure[split] = True
     unsure &= at
     found, shared, passed = (
         np.bincount(element[of], weights=area[of], minlength=elements).astype(np.float64)
@@ -144,6 +144,7 @@ def own_evidence(
     telling = np.flatnonzero(at | beyond)
     beam = _beam_of(seen, element, telling)
     returned, sure, doubtful = np.unique(beam[at[telling]]), (at & ~unsure)[telling], unsure[telling]
+    between = split[at[split]]
     row = telling[beyond[telling] & ~np.isin(beam, returned)]
     inside = row[clearly_inside(seen.rows(row), samples, origins[row], surfaces, registration_sigma)]
     return OwnEvidence(
@@ -151,6 +152,7 @@ def own_evidence(
         _count_beams(element[telling[sure]], beam[sure], elements),
         _count_beams(element[inside], _beam_of(seen, element, inside), elements),
         _count_beams(element[telling[doubtful]], beam[doubtful], elements),
+        _count_beams(element[between], _beam_of(seen, element, between), elements),
     )
 
 
