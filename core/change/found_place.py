@@ -8,17 +8,20 @@ neighbours' faces themselves.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..evidence.collect import Queries
-from ..evidence.decide import Context, Place, assess_place
+from ..evidence.decide import Context, Place, assess_place, choose
 from ..evidence.own_evidence import TOLD_APART_SIGMAS
+from ..evidence.probe import probe
 from ..evidence.rival import fits_beyond_chance
 from ..evidence.scenery import AsBuilt, Scenery, with_glass
 from ..evidence.shared_surface import on_others
 from ..evidence.sightings import AT, GRAZE
+from ..evidence.verify import MOST_REFINEMENTS, REFINE_M, Findings
 from ..model.parts import Parts
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
@@ -65,6 +68,34 @@ def without_neighbours(
         if not fits_beyond_chance(own.at / max(whole.at + whole.beyond, 1e-12), whole.rays, context):
             places[e] = plans[e]
     return places
+
+
+def nearer_places(scenery: Scenery, found: Findings, context: Context) -> list[Place]:
+    """The ``found`` best places, with those of elements whose faces proposed none that explains half of them, where the fit at
+    the one that explains most leads to one that does.
+
+    Each facet of a pile that moved sideways proposes a place of its own, all of them off: what it shows is the shift along its
+    normal.
+    """
+    near = {}
+    for e, tried in found.tried.items():
+        plan, most = found.plans[e], max(tried, key=lambda place: place.at)
+        if found.best[e] is plan and plan.share < context.thresholds.present_share and most.at > plan.at:
+            near[e] = most
+    if not near:
+        return found.best
+    scenery = replace(scenery, samples=found.samples)
+    as_built = AsBuilt.of(scenery.model, found.plans, found.best, context)
+    best, open_ = list(found.best), set(near)
+    for _ in range(MOST_REFINEMENTS):
+        off = [(e, near[e].fit.vector) for e in sorted(open_)]
+        off = [(e, shift) for e, shift in off if np.linalg.norm(shift - near[e].shift) > REFINE_M]
+        probed = probe(scenery, off, as_built, context, Progress())
+        open_ = {e for e, places in probed.items() if places[0].at > near[e].at}
+        near |= {e: probed[e][0] for e in open_}
+    for e, place in near.items():
+        best[e] = choose(found.plans[e], [place], context)
+    return best
 
 
 def _stands(plans: Sequence[Place], best: Sequence[Place], context: Context) -> NDArray[np.bool_]:

@@ -8,7 +8,7 @@ noise at a voxel's border plays no part. Voxels then say where and how much.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -35,7 +35,8 @@ from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..sensing.loa import level_sigma, worst_voxel_shift
-from .found_place import without_neighbours
+from .found_place import nearer_places, without_neighbours
+from .unclear import split_beams, without_unclear
 from .verdict import verdict
 
 Seen = Literal["STANDS", "GONE", "MOVED", "PART", "UNSEEN"]
@@ -122,15 +123,17 @@ def look_at_elements(
         station_names=tuple(s.name for s in stations.stations),
     )
     seen = with_glass(scenery, seen, samples.triangle[seen.sample], context.see_through)
+    tolerance = change_tolerance(edge, sigma, registration_sigma)
     found = places(scenery, seen, context, progress.part(0.6, 1.0))
+    found = without_unclear(scenery, replace(found, best=nearer_places(scenery, found, context)), tolerance, context)
     exposed = np.bincount(
         found.samples.element, weights=found.samples.area * found.samples.exposed, minlength=len(model.elements)
     )
-    tolerance = change_tolerance(edge, sigma, registration_sigma)
     shared = find_shared(model, found.samples, surfaces, parts)
     origins = scenery.origins(found.seen)
     touching = find_touching(found.seen, model, found.samples, origins, surfaces, window, sigma, parts)
     at, opposed = at_opposed(found.seen, found.samples, window, len(model.elements))  # else there is nothing to explain
+    split = split_beams(found.seen, at & opposed, found.samples, origins, scene, sigma, registration_sigma, parts)
     turned = find_turned(found.seen, model, found.samples, surfaces, stations, sensor_model(sigma), window, at & opposed)
     planned = PlannedPlaces.of(
         found.seen, origins, found.samples, scene, surfaces, window, registration_sigma, len(model.elements)
@@ -147,8 +150,8 @@ def look_at_elements(
         others, either = touching.split(known_gone)
         own = own_evidence(
             found.seen.explained_too(others), found.samples, origins, surfaces,
-            shared.in_doubt(len(found.samples), known_gone), np.concatenate([either, turned]), window, registration_sigma,
-            len(model.elements),
+            shared.in_doubt(len(found.samples), known_gone), np.concatenate([either, turned]),
+            np.unique(split.split(known_gone)[1]), window, registration_sigma, len(model.elements),
         )
         elements = tuple(
             _sight(model, row, plan, best, float(exposed[row]), tolerance, context, own,

@@ -31,7 +31,8 @@ def verdict(
     at, through, mine = int(own.beams_at[row]), int(own.beams_through[row]), own.share(row)
     found = float(own.at[row] + own.either[row])
     told = found + float(own.beyond[row])
-    if mine <= absent and shows_gone(at, through, present) and own.beyond[row] >= LEAST_OPPOSED * told:
+    maybe = at + int(own.beams_split[row])  # a part of whose light met something else: not from it, or from it all the same
+    if mine <= absent and shows_gone(maybe, through, present) and own.beyond[row] >= LEAST_OPPOSED * told:
         return "LITTLE" if seen_share < t.absent_seen_share else "GONE"
     if own.own_by_chance(row):
         return "EITHER"

@@ -53,7 +53,9 @@ class OwnEvidence:
     beams_through: NDArray[np.int64]
     """Different returns whose beams clearly passed through it."""
     beams_either: NDArray[np.int64]
-    """Different returns that may be another element's."""
+    """Different returns that may be another element's, or from between two."""
+    beams_split: NDArray[np.int64]
+    """Of these, different returns of beams of which a part meets another element first: its own, or from between the two."""
 
     def own_by_chance(self, row: int) -> bool:
         """Whether so few of its returns are its alone that they may be the other element's too: of those one in twenty lies
@@ -118,12 +120,14 @@ def at_opposed(
 
 def own_evidence(
     seen: Sightings, samples: SurfaceSamples, origins: NDArray[np.float64], surfaces: ElementSurfaces,
-    doubt: NDArray[np.bool_], either: NDArray[np.int64], window: float, registration_sigma: float, elements: int,
+    doubt: NDArray[np.bool_], either: NDArray[np.int64], split: NDArray[np.int64], window: float,
+    registration_sigma: float, elements: int,
 ) -> OwnEvidence:
     """Weigh the sightings ``seen`` of the samples at their planned places.
 
     origins (M, 3) of the rays [m, local frame]; doubt (N,) whether a sample is another element's surface as well;
-    ``either``: rows of sightings that may be another element's; ``window`` [m] within which a return is at its place.
+    ``either``: rows of sightings that may be another element's, ``split``: or from between the own one and another;
+    ``window`` [m] within which a return is at its place.
     """
     state = seen.state(window)
     at, beyond = (seen.on_face & (state == what) for what in (AT, BEYOND))
@@ -131,7 +135,7 @@ def own_evidence(
     element = samples.element[sample].astype(np.int64)
     area = shared_area(seen, samples.area[sample], at | beyond)
     unsure = doubt[sample]
-    unsure[either] = True
+    unsure[either] = unsure[split] = True
     unsure &= at
     found, shared, passed = (
         np.bincount(element[of], weights=area[of], minlength=elements).astype(np.float64)
@@ -140,6 +144,7 @@ def own_evidence(
     telling = np.flatnonzero(at | beyond)
     beam = _beam_of(seen, element, telling)
     returned, sure, doubtful = np.unique(beam[at[telling]]), (at & ~unsure)[telling], unsure[telling]
+    between = split[at[split]]
     row = telling[beyond[telling] & ~np.isin(beam, returned)]
     inside = row[clearly_inside(seen.rows(row), samples, origins[row], surfaces, registration_sigma)]
     return OwnEvidence(
@@ -147,6 +152,7 @@ def own_evidence(
         _count_beams(element[telling[sure]], beam[sure], elements),
         _count_beams(element[inside], _beam_of(seen, element, inside), elements),
         _count_beams(element[telling[doubtful]], beam[doubtful], elements),
+        _count_beams(element[between], _beam_of(seen, element, between), elements),
     )
 
 
@@ -180,9 +186,9 @@ def clearly_inside(
     sample = seen.sample.astype(np.int64)
     normal, position = samples.normal[sample], samples.position[sample]
     place = crossings(seen, origins, position, normal)
-    margin = WELL_INSIDE * _beam_radius(seen) + 2.0 * registration_sigma
+    margin = WELL_INSIDE * beam_radius(seen) + 2.0 * registration_sigma
     inside = np.ones(len(seen), np.bool_)
-    for beside in _four_sides(place, normal, margin):
+    for beside in four_sides(place, normal, margin):
         inside &= _on_face(beside, seen, samples, surfaces)
     return inside
 
@@ -199,17 +205,48 @@ def clearly_outside(
     normal, position = samples.normal[sample], samples.position[sample]
     place = crossings(seen, origins, position, normal) - shift
     outside = ~_on_face(place, seen, samples, surfaces)
-    for beside in _four_sides(place, normal, _beam_radius(seen) + 2.0 * registration_sigma):
+    for beside in four_sides(place, normal, beam_radius(seen) + 2.0 * registration_sigma):
         outside &= ~_on_face(beside, seen, samples, surfaces)
     return outside
 
 
-def _beam_radius(seen: Sightings) -> NDArray[np.float64]:
+def clearly_over(
+    seen: Sightings, samples: SurfaceSamples, surfaces: ElementSurfaces, margin: float
+) -> NDArray[np.bool_]:
+    """(M,) whether each return lies over a face of its element, at least ``margin`` [m] inside the outline.
+
+    A ray that meets a face may have returned from what stands at its edge.
+    """
+    sample = seen.sample.astype(np.int64)
+    normal, position, point = samples.normal[sample], samples.position[sample], seen.point.astype(np.float64)
+    foot = point - np.einsum("ij,ij->i", point - position, normal)[:, None] * normal
+    over = np.ones(len(seen), np.bool_)
+    for beside in four_sides(foot, normal, np.full(len(seen), margin)):
+        over &= _on_face(beside, seen, samples, surfaces)
+    return over
+
+
+def from_edges(
+    seen: Sightings, samples: SurfaceSamples, surfaces: ElementSurfaces, at: NDArray[np.bool_], sigma: float, elements: int
+) -> NDArray[np.int64]:
+    """Rows of returns, of those ``at`` the places of their elements (M,), that came from what stands at an edge.
+
+    They lie farther from the face than the sensor's error allows, and not over it, like most such returns of the element: a few
+    at the border of a face that is off are its own.
+    """
+    row = np.flatnonzero(at & (np.abs(seen.deviation) > (TOLD_APART_SIGMAS + 1.0) * sigma))
+    beside = ~clearly_over(seen.rows(row), samples, surfaces, TOLD_APART_SIGMAS * sigma)
+    element = samples.element[seen.sample[row]]
+    asked, aside = (np.bincount(of, minlength=elements) for of in (element, element[beside]))
+    return row[beside & (2 * aside > asked)[element]]
+
+
+def beam_radius(seen: Sightings) -> NDArray[np.float64]:
     """(M,) metres (1/e2), where the beams cross the queries' planes."""
     return BEAM_EXIT_RADIUS_M + BEAM_SPREAD_RAD * seen.distance.astype(np.float64)
 
 
-def _four_sides(
+def four_sides(
     place: NDArray[np.float64], normal: NDArray[np.float64], margin: NDArray[np.float64]
 ) -> Iterator[NDArray[np.float64]]:
     """Places (M, 3) beside ``place`` (M, 3), by ``margin`` (M,) metres each, in the planes of ``normal`` (M, 3)."""

@@ -47,9 +47,9 @@ def _without_chance(model: BuildingModel, found: Findings, context: Context) -> 
 
 def _left(model: BuildingModel, planned: PlannedPlaces, e: int, place: Place, context: Context) -> bool:
     rows = slice(int(planned.first[e]), int(planned.first[e + 1]))
-    nothing = np.zeros(len(planned.samples), np.bool_)
+    nothing, none = np.zeros(len(planned.samples), np.bool_), np.zeros(0, np.int64)
     through = own_evidence(
-        planned.seen.rows(rows), planned.samples, planned.origins[rows], planned.surfaces, nothing, np.zeros(0, np.int64),
+        planned.seen.rows(rows), planned.samples, planned.origins[rows], planned.surfaces, nothing, none, none,
         context.window, context.registration_sigma, len(planned.first) - 1,
     ).beams_through[e]
     shift = place.fit.vector

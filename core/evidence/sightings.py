@@ -101,6 +101,12 @@ class Sightings:
         explained[row] = True
         return Sightings(**{**vars(self), "explained": explained})
 
+    def beside(self, row: NDArray[np.int64]) -> Sightings:
+        """The same with these rows beside their element: they say nothing of it."""
+        on_face = self.on_face.copy()
+        on_face[row] = False
+        return Sightings(**{**vars(self), "on_face": on_face})
+
     @staticmethod
     def join(parts: list[Sightings]) -> Sightings:
         """All rows of several."""

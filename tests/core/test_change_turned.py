@@ -77,7 +77,7 @@ def test_a_place_that_voxels_do_not_tell_from_the_planned_one_is_judged_as_the_p
     area[row] = 1.0
     own = OwnEvidence(
         at * area, 0 * area, beyond * area, 0 * area, (250 * at * area).astype(int), (250 * beyond * area).astype(int),
-        (0 * area).astype(int),
+        *2 * ((0 * area).astype(int),),
     )
     context = cast(Context, SimpleNamespace(thresholds=Thresholds(), window=0.0275))
     found = _sight(house(), row, plan, best, 2.0, 0.0227, context, own, -1, cast(PlannedPlaces, cast(Any, None)))

@@ -12,10 +12,10 @@ from bim_verify.core.evidence.thresholds import Thresholds
 
 def says(
     at: float, either: float, beyond: float, beams_at: int, beams_through: int, seen_share: float = 0.5, glazed: bool = False,
-    beams_either: int = 0,
+    beams_either: int = 0, beams_split: int = 0,
 ) -> str:
     areas = [np.array([a]) for a in (at, either, beyond, 0.0)]
-    own = OwnEvidence(*areas, np.array([beams_at]), np.array([beams_through]), np.array([beams_either]))
+    own = OwnEvidence(*areas, *(np.array([n]) for n in (beams_at, beams_through, beams_either, beams_split)))
     return verdict(own, 0, seen_share, (0.25, 0.5), Thresholds(), glazed)
 
 
@@ -56,6 +56,11 @@ def test_little_of_it_in_view_does_not_show_that_it_or_a_part_is_gone() -> None:
 def test_a_sheet_before_a_wall_does_not_stand_by_the_scatter_of_the_wall_s_returns(own: int, expected: str) -> None:
     """One in twenty of a neighbour's returns lies farther than two sigmas from its face."""
     assert says(0.01, 0.6, 0.0, own, 0, beams_either=100) == expected
+
+
+@pytest.mark.parametrize("split, expected", [(13, "EITHER"), (3, "GONE")])
+def test_nothing_is_gone_while_as_many_beams_return_from_it_or_from_an_edge_before_it(split: int, expected: str) -> None:
+    assert says(0.0, 1.0, 2.0, 0, 13, beams_either=split, beams_split=split) == expected
 
 
 def test_few_beams_tell_nothing() -> None:
