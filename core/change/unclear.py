@@ -53,6 +53,7 @@ def split_beams(
 ) -> Touching:
     """Returns, of those ``asked`` for (M,), of beams of which a part meets another element as planned before they return.
 
+    Only of elements of which most such returns are like that: a few at the border of a standing one are its own.
     ``origins`` (M, 3) of the rays, metres, local frame.
     """
     row = np.flatnonzero(asked & (seen.station >= 0))
@@ -71,4 +72,7 @@ def split_beams(
     pair = np.unique(np.column_stack([np.concatenate(rows), np.concatenate(others)]), axis=0)
     whose = zip(samples.element[seen.sample[pair[:, 0]]].tolist(), pair[:, 1].tolist(), strict=True)
     pair = pair[np.array([(a, b) not in parts and (b, a) not in parts for a, b in whose], np.bool_)]
+    of = samples.element[seen.sample]
+    count, split_ = (np.bincount(of[k], minlength=int(of.max(initial=0)) + 1) for k in (row, np.unique(pair[:, 0])))
+    pair = pair[(2 * split_ > count)[of[pair[:, 0]]]]
     return Touching(pair[:, 0], pair[:, 1], np.zeros(len(pair), np.bool_))
