@@ -31,7 +31,7 @@ from bim_verify.core.model.load import load_model, open_ifc
 from bim_verify.core.model.write_psets import write_verified_ifc
 from bim_verify.core.options import VerifyOptions
 from bim_verify.core.simulation.demo import make_demo, make_later_epoch
-from bim_verify.core.simulation.tour_files import write_facade_photo, write_house_photos
+from bim_verify.core.simulation.tour_files import write_facade_photo, write_house_block, write_house_photos
 from bim_verify.core.simulation.wall_example import write_wall_example
 from bim_verify.core.update.update import UpdatedFile, update_file
 
@@ -124,6 +124,17 @@ def photos(inputs: Path, out: Path) -> Iterator[float]:
     yield from picture("photos", out, frame_first=False)
 
 
+def bundle(inputs: Path, out: Path) -> Iterator[float]:
+    """A block of photos adjusted: its cameras, and tie points coloured by their sigma."""
+    yield from do("import_ifc", filepath=str(inputs / "house.ifc"))
+    yield from do("bundle", filepath=str(inputs / "block" / "block.json"))
+    for item in scene.element_objects(bpy.context.scene).values():
+        item.hide_set(True)
+    yield TO_DRAW_S
+    frame([item for item in bpy.context.scene.objects if item.visible_get()])
+    yield from picture("photos", out, "blender_bundle", frame_first=False)
+
+
 def update(inputs: Path, out: Path) -> Iterator[float]:
     """What ``bim-verify update --blend`` shows."""
     file = open_ifc(inputs / "house_verified.ifc")
@@ -137,7 +148,8 @@ def update(inputs: Path, out: Path) -> Iterator[float]:
     yield from picture("update", out, frame_first=False)
 
 
-STEPS = {f.__name__: f for f in (change, quality, reconstruct, displacement, classify, facade, photos, update)}
+STEPS = {f.__name__: f for f in (change, quality, reconstruct, displacement, classify, facade, photos, bundle, update)}
+PANELS = {"bundle": "photos"}
 
 
 def house(inputs: Path, scan: Path | None = None) -> Iterator[float]:
@@ -207,6 +219,8 @@ def make_inputs(folder: Path) -> None:
         (folder / "facade.json").write_text(json.dumps({"corners": photo.corners, "width_m": photo.width}))
     if not (folder / "cameras.json").exists():
         write_house_photos(load_model(folder / "house.ifc"), folder, PHOTO_SEED)
+    if not (folder / "block" / "block.json").exists():
+        write_house_block(load_model(folder / "house.ifc"), folder / "block", PHOTO_SEED)
     if not (folder / "house_verified.ifc").exists():
         result = verify(folder / "house.ifc", [folder / "scan.e57"], VerifyOptions(sample_spacing=0.1))
         write_verified_ifc(folder / "house.ifc", result, folder / "house_verified.ifc")
@@ -221,7 +235,7 @@ def story(inputs: Path, out: Path, names: list[str]) -> Iterator[float]:
         yield TO_DRAW_S
         choose_tab()
         yield TO_DRAW_S
-        open_only(name)
+        open_only(PANELS.get(name, name))
         yield TO_DRAW_S
         scroll_to_top()
         yield TO_DRAW_S
