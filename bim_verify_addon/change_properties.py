@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
+from bpy.props import CollectionProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from ..core.options import MOST_MIN_POINTS, ChangeOptions
-from .shared_settings import LOA_ITEMS
+from .shared_settings import LOA_ITEMS, KnownRegistration
 
 DEFAULTS = ChangeOptions()
 GROUPING_ITEMS = [
@@ -29,7 +29,7 @@ class BimVerifyReferenceScan(bpy.types.PropertyGroup):
     path: StringProperty(name="File", subtype="FILE_PATH", description="Scan of the epoch to compare with")
 
 
-class BimVerifyChangeSettings(bpy.types.PropertyGroup):
+class BimVerifyChangeSettings(KnownRegistration, bpy.types.PropertyGroup):
     """Of one scene."""
 
     references: CollectionProperty(type=BimVerifyReferenceScan)
@@ -44,14 +44,6 @@ class BimVerifyChangeSettings(bpy.types.PropertyGroup):
     loa: EnumProperty(
         name="Level asked for", items=ASKED_ITEMS, default="NONE",
         description="Level of accuracy that the result is wanted for: warns when voxels cannot support it",
-    )
-    registration_known: BoolProperty(
-        name="Registration known", default=False,
-        description="Give the standard deviation of the stations' positions instead of estimating it from their agreement",
-    )
-    registration_sigma_mm: FloatProperty(
-        name="Registration sigma (mm)", default=1.0, min=0, soft_max=50, precision=2,
-        description="Standard deviation of a station's position, millimetres",
     )
     voxel_mm: FloatProperty(
         name="Voxel (mm)", default=1000 * DEFAULTS.voxel, min=1, soft_max=200, precision=0,

@@ -32,7 +32,7 @@ def options(settings: bpy.types.PropertyGroup) -> VerifyOptions:
         sample_spacing=settings.spacing_mm / 1000,
         fusion=settings.fusion,
         preset=settings.preset,
-        registration_sigma=settings.registration_sigma_mm / 1000 if settings.registration_known else None,
+        registration_sigma=settings.known_sigma(),
         scan_frame=settings.scan_frame,
         origin=scanner_position(settings.origin),
         threads=settings.threads,
@@ -45,9 +45,7 @@ def take_options(settings: bpy.types.PropertyGroup, given: VerifyOptions) -> Non
     """The settings of the scene as ``options`` has them to give these options again; dense points are scans."""
     settings.loa, settings.sigma_mm, settings.align = str(given.loa), 1000 * given.sigma, given.align
     settings.spacing_mm, settings.fusion, settings.preset = 1000 * given.sample_spacing, given.fusion, given.preset
-    settings.registration_known = given.registration_sigma is not None
-    if given.registration_sigma is not None:
-        settings.registration_sigma_mm = 1000 * given.registration_sigma
+    settings.take_sigma(given.registration_sigma)
     settings.scan_frame = given.scan_frame
     settings.origin = "" if given.origin is None else ",".join(repr(float(value)) for value in given.origin)
     settings.threads, settings.memory_gb = given.threads, given.memory_gb
@@ -73,11 +71,6 @@ def scanner_position(text: str) -> tuple[float, float, float] | None:
 def scan_paths(settings: bpy.types.PropertyGroup) -> list[str]:
     """The scan files in use, absolute; dense points of photos are none."""
     return [bpy.path.abspath(scan.path) for scan in settings.scans if scan.use and not scan.dense]
-
-
-def same_file(one: str, other: str) -> bool:
-    """Whether two paths, as Blender or a person writes them, name one file."""
-    return Path(bpy.path.abspath(one)).resolve() == Path(bpy.path.abspath(other)).resolve()
 
 
 def without_repeats(paths: Iterable[str]) -> list[str]:

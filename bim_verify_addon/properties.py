@@ -20,7 +20,7 @@ from ..core.options import VerifyOptions
 from ..core.results import LEVELS
 from ..core.sensing.presets import PRESETS
 from .capabilities import CAPABILITIES, MODES
-from .shared_settings import LOA_ITEMS
+from .shared_settings import LOA_ITEMS, KnownRegistration
 
 DEFAULTS = VerifyOptions()
 DEFAULT_DISPLAY_VERTICES = 1_000_000
@@ -136,7 +136,7 @@ class BimVerifyEdit(bpy.types.PropertyGroup):
     key: StringProperty(name="Key", description="Names it in memory; undo brings an earlier one back")
 
 
-class BimVerifySettings(bpy.types.PropertyGroup):
+class BimVerifySettings(KnownRegistration, bpy.types.PropertyGroup):
     """The settings of one scene, and what was done in it."""
 
     model_path: StringProperty(name="Model", subtype="FILE_PATH", description="The IFC file that is verified")
@@ -171,14 +171,6 @@ class BimVerifySettings(bpy.types.PropertyGroup):
     fusion: EnumProperty(name="Fusion", items=FUSION_ITEMS, default=DEFAULTS.fusion, description="How evidence is combined")
     preset: EnumProperty(
         name="Parameters", items=PRESET_ITEMS, default=DEFAULTS.preset, description="Parameters of the belief masses"
-    )
-    registration_known: BoolProperty(
-        name="Registration known", default=False,
-        description="Give the standard deviation of the stations' positions instead of estimating it from their agreement",
-    )
-    registration_sigma_mm: FloatProperty(
-        name="Registration sigma (mm)", default=1.0, min=0, soft_max=50, precision=2,
-        description="Standard deviation of a station's position, millimetres",
     )
     scan_frame: EnumProperty(
         name="Scan frame",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import replace
 
 import bpy
@@ -18,13 +18,16 @@ from .scene import GUID_KEY, key_of
 
 def global_ids(context: bpy.types.Context) -> set[str]:
     """GlobalIds of the selected elements: our objects or Bonsai's."""
-    found = {item.get(GUID_KEY) or bonsai.global_id(item) for item in context.selected_objects}
-    return {identifier for identifier in found if isinstance(identifier, str)}
+    return _of_selected(context, lambda item: item.get(GUID_KEY))
 
 
 def keys(context: bpy.types.Context) -> set[str]:
     """What ``scene.element_objects`` calls the selected elements."""
-    found = {key_of(item) or bonsai.global_id(item) for item in context.selected_objects}
+    return _of_selected(context, key_of)
+
+
+def _of_selected(context: bpy.types.Context, name: Callable[[bpy.types.Object], str | None]) -> set[str]:
+    found = {name(item) or bonsai.global_id(item) for item in context.selected_objects}
     return {identifier for identifier in found if isinstance(identifier, str)}
 
 

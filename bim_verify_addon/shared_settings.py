@@ -38,8 +38,31 @@ class ReportBeside:
         return path.with_name(f"{path.stem}_report") if self.with_report else None
 
 
+class KnownRegistration:
+    """What is known of how well the stations are registered."""
+
+    registration_known: BoolProperty(
+        name="Registration known", default=False,
+        description="Give the standard deviation of the stations' positions instead of estimating it from their agreement",
+    )
+    registration_sigma_mm: FloatProperty(
+        name="Registration sigma (mm)", default=1.0, min=0.0, max=999.0, soft_max=50.0, precision=2,
+        description="Standard deviation of a station's position, millimetres; zero for exact poses",
+    )
+
+    def known_sigma(self) -> float | None:
+        """Metres; None where it is to be estimated."""
+        return self.registration_sigma_mm / 1000 if self.registration_known else None
+
+    def take_sigma(self, sigma: float | None) -> None:
+        """As a result was made with it, metres."""
+        self.registration_known = sigma is not None
+        if sigma is not None:
+            self.registration_sigma_mm = 1000 * sigma
+
+
 class ReconstructOutputs(ReportBeside):
-    """What else a reconstruction writes, what it is compared with, and what is known of the scans' registration."""
+    """What else a reconstruction writes, and what it is compared with."""
 
     with_dimensions: BoolProperty(
         name="Dimensions", default=False,
@@ -47,14 +70,6 @@ class ReconstructOutputs(ReportBeside):
     )
     reference: StringProperty(
         name="Compare with", subtype="FILE_PATH", description="IFC file that what was made is compared with; empty for none"
-    )
-    registration_known: BoolProperty(
-        name="Registration known", default=False,
-        description="Give the standard deviation of the stations' positions instead of estimating it from their agreement",
-    )
-    registration_sigma_mm: FloatProperty(
-        name="Registration sigma (mm)", default=1.0, min=0.0, max=999.0,
-        description="Standard deviation of a station's position, millimetres; zero for exact poses",
     )
 
 

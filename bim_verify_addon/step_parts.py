@@ -6,6 +6,7 @@ import bpy
 
 from . import project
 from .capability import StepState
+from .shared_settings import KnownRegistration
 
 MAIN_HEIGHT = 1.4
 """Of the main button, in heights of a common one."""
@@ -16,6 +17,14 @@ def main_button(layout: bpy.types.UILayout, operator: str, icon: str) -> None:
     row = layout.row()
     row.scale_y = MAIN_HEIGHT
     row.operator(f"bim_verify.{operator}", icon=icon)
+
+
+def registration(layout: bpy.types.UILayout, settings: KnownRegistration) -> None:
+    """Whether the stations' registration is known, and how well."""
+    layout.prop(settings, "registration_known")
+    row = layout.row()
+    row.active = settings.registration_known
+    row.prop(settings, "registration_sigma_mm")
 
 
 def reached(found: str, optional: str, missing: str) -> StepState:

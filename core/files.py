@@ -110,6 +110,14 @@ def whole_file(path: str | Path) -> Iterator[Path]:
                 temporary.unlink()
 
 
+def same_file(one: str | Path, other: str | Path) -> bool:
+    """Whether two paths name one file, also where the system takes ``SCAN.e57`` for ``scan.e57``."""
+    try:
+        return Path(one).samefile(other)
+    except OSError:
+        return Path(one).resolve() == Path(other).resolve()
+
+
 def remove_file(path: Path) -> None:
     """Remove a file of an earlier run; inside ``all_or_none`` when the outputs are in their places, and only then."""
     pending = _together.get()

@@ -12,7 +12,7 @@ from .. import change_scene, project
 from ..capability import Capability, Step, StepState
 from ..change_properties import BimVerifyChangeSettings, BimVerifyReferenceScan
 from ..colors import Category, categorical
-from ..step_parts import main_button, missing, reached
+from ..step_parts import main_button, missing, reached, registration
 
 
 def _state(scene: bpy.types.Scene) -> StepState:
@@ -53,10 +53,7 @@ def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column.prop(settings, "voxel_mm")
     column.prop(settings, "min_points")
     layout.prop(settings, "loa")
-    layout.prop(settings, "registration_known")
-    row = layout.row()
-    row.active = settings.registration_known
-    row.prop(settings, "registration_sigma_mm")
+    registration(layout, settings)
 
 
 def _numbers(item: bpy.types.Object) -> list[tuple[str, str]]:
@@ -96,8 +93,7 @@ def show(scene: bpy.types.Scene, result: Any) -> bool:
     own.grouping = "ONE" if len(result.epochs) == 1 else "NUMBERED"
     own.voxel_mm, own.min_points, own.date = 1000 * result.edge, result.options.min_points, result.options.date
     own.loa = "NONE" if result.options.loa is None else str(result.options.loa)
-    if (sigma := result.options.registration_sigma) is not None:
-        own.registration_known, own.registration_sigma_mm = True, 1000 * sigma
+    own.take_sigma(result.options.registration_sigma)
     project.adopt_frame(scene, result.model)
     change_scene.show_change(scene, result)
     return True

@@ -11,11 +11,11 @@ from bpy.props import StringProperty
 from .. import project
 from .. import scene as scenery
 from ..capability import Capability, Step, StepState
-from ..shared_settings import ReconstructOutputs
-from ..step_parts import main_button, missing, reached
+from ..shared_settings import KnownRegistration, ReconstructOutputs
+from ..step_parts import main_button, missing, reached, registration
 
 
-class BimVerifyReconstructSettings(ReconstructOutputs, bpy.types.PropertyGroup):
+class BimVerifyReconstructSettings(KnownRegistration, ReconstructOutputs, bpy.types.PropertyGroup):
     """Of one scene."""
 
     summary: StringProperty()
@@ -40,10 +40,7 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     settings = context.scene.bim_verify_reconstruct
     layout.prop(settings, "reference")
-    layout.prop(settings, "registration_known")
-    row = layout.row()
-    row.active = settings.registration_known
-    row.prop(settings, "registration_sigma_mm")
+    registration(layout, settings)
 
 
 def _forget(scene: bpy.types.Scene) -> None:

@@ -15,7 +15,7 @@ from .. import project, verdicts
 from .. import scene as scenery
 from ..capability import Capability, Step, StepState
 from ..colors import Category, Legend, Mode, Surface, categorical, ramp
-from ..step_parts import main_button, missing
+from ..step_parts import main_button, missing, registration
 from ..text import millimetres, percent, signed_millimetres
 
 LOA_COLORS: dict[str, palette.RGB] = {
@@ -54,10 +54,7 @@ def _draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 def _expert(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     settings = context.scene.bim_verify
-    layout.prop(settings, "registration_known")
-    row = layout.row()
-    row.active = settings.registration_known
-    row.prop(settings, "registration_sigma_mm")
+    registration(layout, settings)
     for name in ("spacing_mm", "fusion", "preset", "threads", "memory_gb", "display_vertices"):
         layout.prop(settings, name)
 

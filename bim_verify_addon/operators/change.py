@@ -47,7 +47,7 @@ class BIMVERIFY_OT_change(Job["ChangeResult"], bpy.types.Operator):
             voxel=own.voxel_mm / 1000, min_points=own.min_points, sigma=settings.sigma_mm / 1000,
             sample_spacing=settings.spacing_mm / 1000, scan_frame=settings.scan_frame,
             loa=None if own.loa == "NONE" else int(own.loa), date=check_day(own.date, own.bl_rna.properties["date"].name),
-            registration_sigma=own.registration_sigma_mm / 1000 if own.registration_known else None,
+            registration_sigma=own.known_sigma(),
             origin=project.scanner_position(settings.origin), threads=settings.threads, memory_gb=settings.memory_gb,
         )
         load, epochs = project.model_loader(context.scene), project.epochs(settings, own.grouping)

@@ -12,6 +12,7 @@ from bpy.props import CollectionProperty, StringProperty
 from numpy.typing import NDArray
 
 from ...core.errors import BimVerifyError
+from ...core.files import same_file
 from ...core.progress import Progress
 from .. import project, scene
 from ..jobs import Work
@@ -107,7 +108,8 @@ class BIMVERIFY_OT_import_scan(FileJob[Clouds], bpy.types.Operator):
             SESSION.models[context.scene.session_uid] = value.model
         first = not scene.element_objects(context.scene) and not scene.scan_objects(context.scene)
         for cloud in value.clouds:
-            entry = next((s for s in settings.scans if project.same_file(s.path, cloud.path)), None) or settings.scans.add()
+            known = (scan for scan in settings.scans if same_file(bpy.path.abspath(scan.path), cloud.path))
+            entry = next(known, None) or settings.scans.add()
             entry.path = entry.path or cloud.path
             entry.name = Path(cloud.path).name
             entry.points, entry.stations = cloud.points, cloud.stations

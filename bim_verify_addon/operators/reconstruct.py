@@ -17,7 +17,7 @@ from ...core.options import ReconstructOptions
 from ...core.progress import Progress
 from .. import bonsai, inputs, project
 from ..jobs import Work
-from ..shared_settings import IfcToWrite, ReconstructOutputs
+from ..shared_settings import IfcToWrite, KnownRegistration, ReconstructOutputs
 from .file_browser import FileJob, has_scans, idle, named
 from .import_ifc import adopt_model
 
@@ -37,7 +37,7 @@ class Made:
     """(4, 4) of the scans in the frame of that model."""
 
 
-class BIMVERIFY_OT_reconstruct(IfcToWrite, ReconstructOutputs, FileJob[Made], bpy.types.Operator):
+class BIMVERIFY_OT_reconstruct(IfcToWrite, KnownRegistration, ReconstructOutputs, FileJob[Made], bpy.types.Operator):
     """Make an IFC model of what was scanned from inside: storeys, rooms, walls, openings, columns, slabs."""
 
     bl_idname = "bim_verify.reconstruct"
@@ -45,7 +45,9 @@ class BIMVERIFY_OT_reconstruct(IfcToWrite, ReconstructOutputs, FileJob[Made], bp
     bl_description = "Make an IFC4 model from the scans: storeys, rooms, walls, doors, windows, columns, slabs"
     bl_options = {"REGISTER", "UNDO"}
     title = "Reconstruct"
-    panel_settings = ("bim_verify_reconstruct", "with_report", *ReconstructOutputs.__annotations__)
+    panel_settings = (
+        "bim_verify_reconstruct", "with_report", *ReconstructOutputs.__annotations__, *KnownRegistration.__annotations__
+    )
 
     show: BoolProperty(
         name="Take as the model",
@@ -79,7 +81,7 @@ class BIMVERIFY_OT_reconstruct(IfcToWrite, ReconstructOutputs, FileJob[Made], bp
         inputs.refuse(path, beside=[compared])
         common = project.options(settings)
         options = ReconstructOptions(
-            sigma=common.sigma, registration_sigma=self.registration_sigma_mm / 1000 if self.registration_known else None,
+            sigma=common.sigma, registration_sigma=self.known_sigma(),
             scan_frame=common.scan_frame, origin=common.origin, threads=common.threads,
             memory_gb=common.memory_gb,
         )

@@ -28,15 +28,14 @@ def without_unclear(scenery: Scenery, found: Findings, tolerance: float, context
     """
     samples, seen, count = found.samples, found.seen, len(found.plans)
     apart = (TOLD_APART_SIGMAS + 1.0) * context.sigma
-    behind = np.flatnonzero(
-        seen.on_face & (seen.state(context.window) == BEYOND) & seen.explained & (seen.deviation >= -apart)
-    )
+    state = seen.state(context.window)
+    behind = np.flatnonzero(seen.on_face & (state == BEYOND) & seen.explained & (seen.deviation >= -apart))
     off = np.array([
         best is plan and np.linalg.norm(plan.fit.vector) > tolerance
         for plan, best in zip(found.plans, found.best, strict=True)
     ])
     element = samples.element[seen.sample]
-    at = seen.on_face & (seen.state(context.window) == AT) & off[element]
+    at = seen.on_face & (state == AT) & off[element]
     edge = from_edges(seen, samples, scenery.surfaces, at, context.sigma, count)
     seen = seen.beside(np.concatenate([behind, edge]))
     first = np.searchsorted(seen.sample, samples.first_of(count))

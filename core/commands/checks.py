@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import BimVerifyError
-from ..files import check_writable
+from ..files import check_writable, same_file
 
 
 def parse_origin(text: str | None) -> tuple[float, float, float] | None:
@@ -82,13 +82,8 @@ def refuse_same(output: str, others: list[str]) -> None:
 def refuse_inputs(inputs: list[str], outputs: list[str]) -> None:
     """Refuse outputs that are inputs."""
     for output in outputs:
-        if any(_is_same(Path(output), Path(given)) for given in inputs):
+        if any(same_file(output, given) for given in inputs):
             raise BimVerifyError(f"{output} is an input and is never written to; give another name for the output.")
-
-
-def _is_same(one: Path, other: Path) -> bool:
-    """Whether two paths name one file, also where the system takes ``SCAN.e57`` for ``scan.e57``."""
-    return one.resolve() == other.resolve() or (one.exists() and other.exists() and one.samefile(other))
 
 
 def check_report(folder: str, names: tuple[str, ...], inputs: list[str], outputs: list[str]) -> None:

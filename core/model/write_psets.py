@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import BimVerifyError
-from ..files import whole_file
+from ..files import same_file, whole_file
 from ..progress import Progress
 from ..results import LEVELS, ElementVerdict, VerificationResult
 from .load import open_ifc
@@ -57,7 +57,7 @@ def write_ifc_copy(source_ifc: str | Path, out: str | Path, add: Callable[[Any],
     Raises BimVerifyError as ``write_verified_ifc`` does.
     """
     source, target = Path(source_ifc), Path(out)
-    if _same_file(source, target):
+    if same_file(source, target):
         raise BimVerifyError(f"{target} is the input model, which is never written to. Give another output name.")
     with whole_file(target) as temporary:
         file = open_ifc(source)
@@ -276,13 +276,6 @@ def require_owner(file: Any) -> None:
         ifcopenshell.api.owner.add_application(
             file, application_full_name="bim_verify", application_identifier="bim_verify"
         )
-
-
-def _same_file(first: Path, second: Path) -> bool:
-    try:
-        return first.samefile(second)
-    except OSError:
-        return first.resolve() == second.resolve()
 
 
 def _write_whole(file: Any, path: Path) -> bool:
