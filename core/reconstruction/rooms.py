@@ -12,7 +12,7 @@ from shapely.geometry.polygon import orient
 
 from .faces import Face
 from .levels import Storey
-from .plan import PlanRaster
+from .plan import CELL_M, PlanRaster
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,10 @@ COLUMN_M = 0.24
 LEAST_BELOW_M = 0.6
 SAME_LINE_M = 0.045
 MOST_LINES = 48
+AT_END_M = 0.3
+LEAST_ACROSS = np.cos(np.radians(75.0))
+MOSTLY = 0.5
+"""A room is bounded in a direction where so much of its end is so near to walls that stand across that direction."""
 LEAST_FREE = 0.5
 ROUND_M = 1e-6
 LEAST_ENCLOSED = 0.6
@@ -198,13 +202,19 @@ def _without_doubles(lines: list[_Line]) -> list[_Line]:
 
 
 def _missing_sides(lines: list[_Line], centres: Array) -> list[_Line]:
-    """Where the room ends without a wall that was seen: lines at the end of its free cells."""
+    """Where the room ends without a wall that was seen: lines at the end of its free cells.
+
+    The last cells in a direction end at seen walls where these stand across it, at a slant too: a sharp corner is an end.
+    """
     main = lines[0].normal if lines else np.array([1.0, 0.0])
     out = []
     for n in (main, -main, np.array([-main[1], main[0]]), np.array([main[1], -main[0]])):
-        end = float(np.quantile(centres @ n, 0.002)) - 0.5 * 0.06
-        if not any(line.normal @ n > 0.95 and abs(line.offset - end) < 0.3 for line in lines):
-            out.append(_Line(n, end, -1, 0.0))
+        place = centres @ n
+        end = float(np.quantile(place, 0.002))
+        last = centres[place <= end]
+        before = [abs(last @ line.normal - line.offset) < AT_END_M for line in lines if line.normal @ n > LEAST_ACROSS]
+        if np.mean(np.any(before, axis=0) if before else np.zeros(1)) < MOSTLY:
+            out.append(_Line(n, end - 0.5 * CELL_M, -1, 0.0))
     return out
 
 

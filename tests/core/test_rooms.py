@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from shapely import Polygon, contains_xy
 
 from bim_verify.core.reconstruction.faces import Face
 from bim_verify.core.reconstruction.levels import Storey
@@ -87,6 +89,25 @@ def test_the_side_of_a_beam_is_no_wall() -> None:
         return (z < 2.5) & ((z > 2.25) | (u < 0.4) & (z > 1.9))
 
     assert faces_of(only_room(plan(level), sides(level, beam))) == [-1, 1, 2, 3]
+
+
+def test_a_sharp_corner_between_a_slanted_wall_and_another_is_not_cut_off() -> None:
+    narrow = 3.04
+    outline = Polygon([(0.0, 0.0), (narrow, 0.0), (WIDE, DEEP), (0.0, DEEP)])
+    slant = np.array([-DEEP, WIDE - narrow]) / np.hypot(DEEP, WIDE - narrow)
+    raster = plan(level)
+    ix, iy = np.indices(raster.free.shape).reshape(2, -1)
+    # cells that a wall touches are not free
+    free = contains_xy(outline.buffer(-1.5 * CELL_M, join_style="mitre"), raster.centres(ix, iy)).reshape(raster.free.shape)
+    south, _, north, west = sides(level)
+
+    def east(u, z, x, y):  # type: ignore[no-untyped-def]
+        return (z < 2.5) & (y > 0.0) & (y < DEEP)
+
+    faces = [south, face((slant[0], slant[1]), slant[0] * narrow, 5.0, east), north, west]
+    room = only_room(replace(raster, free=free, rooms=free.astype(np.int32)), faces)
+    assert faces_of(room) == [0, 1, 2, 3]
+    assert room.outline.symmetric_difference(outline).area < 1e-3
 
 
 @pytest.mark.parametrize(("ceiling", "room_level", "expected"), [(slope, 2.7, 1.5), (level, 2.5, 2.5), (level, 2.48, 2.48)])
