@@ -20,21 +20,24 @@ import time
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from headless_entry import package
 from numpy.typing import NDArray
+from shapely import MultiPolygon, Polygon, union_all
+from shapely.geometry.base import BaseGeometry
 
 PACKAGE = package()
 
-from bim_verify.core.dimensions.regions import Region, read_regions  # noqa: E402
+from bim_verify.core.dimensions.regions import Region, read_regions, region_of  # noqa: E402
 from bim_verify.core.dimensions.table import Dimension  # noqa: E402
 from bim_verify.core.jobs import reconstruct  # noqa: E402
-from bim_verify.core.model.load import load_model  # noqa: E402
+from bim_verify.core.model.load import load_model, open_ifc  # noqa: E402
 from bim_verify.core.planes.cloud import Cloud, read_cloud  # noqa: E402
 from bim_verify.core.planes.derived import Z95  # noqa: E402
 from bim_verify.core.reconstruction.building import BuiltRoom, Reconstruction  # noqa: E402
-from bim_verify.core.reconstruction.compare import ClassComparison, compare, comparison_lines  # noqa: E402
+from bim_verify.core.reconstruction.compare import ClassComparison, Comparison, compare, comparison_lines  # noqa: E402
 from bim_verify.core.reconstruction.crossings import BAND_M, cross  # noqa: E402
 from bim_verify.core.reconstruction.dimensions import dimension_rows  # noqa: E402
 from bim_verify.core.reconstruction.shapes import Shape, read_shapes  # noqa: E402
@@ -57,6 +60,15 @@ CASES = {
     "slanted": ((slanted,), 17.3, (1000.0, 2000.0), 3.0),
     "two": ((slanted, flat), -31.0, (-50.0, 12.0), 100.0),
 }
+
+
+class Off(NamedTuple):
+    """By how much something is off."""
+
+    what: str
+    by: float
+    unit: str
+    where: str
 
 
 def case(name: str) -> tuple[list[PlannedStorey], float, tuple[float, float], float]:
@@ -84,6 +96,7 @@ def main() -> None:
     edges: list[tuple[bool, float]] = []
     whole: dict[str, list[float]] = {}
     every: list[Dimension] = []
+    off: list[Off] = []
     with nullcontext(arguments.keep) if arguments.keep else tempfile.TemporaryDirectory() as folder:
         for name in arguments.cases.split(","):
             truth, built, scan, found = (Path(folder) / f"{name}{end}" for end in ("_truth.ifc", ".ifc", ".e57", "_found.ifc"))
@@ -112,6 +125,9 @@ def main() -> None:
                 print(f"  {line}", flush=True)
             for line in what_showed(comparison.classes["openings"], scan):
                 print(f"  {line}", flush=True)
+            shape = what_is_off(name, comparison, found, truth)
+            off += shape
+            print(f"  {worst(shape)}", flush=True)
             own = [e for m in comparison.classes["openings"].matches for e in m.edges_in_sigmas]
             print(f"  {coverage(own)}", flush=True)
             edges += own
@@ -123,7 +139,33 @@ def main() -> None:
             for kind, values in errors.items():
                 whole.setdefault(kind, []).extend(values)
             every += rows
-    print(f"All: {coverage(edges)}\n{intervals(whole)}\n{small_p(every)}")
+    print(f"All: {worst(off)}\n{coverage(edges)}\n{intervals(whole)}\n{small_p(every)}")
+
+
+def what_is_off(name: str, comparison: Comparison, found: Path, truth: Path) -> list[Off]:
+    """Lengths of walls, and outlines of rooms and slabs in plan: an area found wrongly, or not found."""
+    walls = comparison.classes["walls"].matches
+    out = [Off("length of a wall", abs(m.length), "m", f"{name}, {m.reference.name}") for m in walls]
+    mine, true = open_ifc(found), open_ifc(truth)
+    for what, kind in (("outline of a room", "spaces"), ("outline of a slab", "slabs")):
+        for m in comparison.classes[kind].matches:
+            a, b = (region_of(f.by_guid(s.global_id), np.zeros(3)) for f, s in ((mine, m.found), (true, m.reference)))
+            assert a is not None and b is not None, "what was compared has a body"
+            apart = filled(a.outline).symmetric_difference(filled(b.outline)).area
+            out.append(Off(what, apart, "m2", f"{name}, {m.reference.name}"))
+    return out
+
+
+def filled(outline: Polygon | MultiPolygon) -> BaseGeometry:
+    """Without holes: the true rooms have none where columns stand."""
+    return union_all([Polygon(part.exterior) for part in getattr(outline, "geoms", [outline])])
+
+
+def worst(off: list[Off]) -> str:
+    """The largest of each kind."""
+    kinds = dict.fromkeys(o.what for o in off)
+    largest = [max((o for o in off if o.what == kind), key=lambda o: o.by) for kind in kinds]
+    return "Most off: " + "; ".join(f"{o.what} {o.by:.3f} {o.unit} ({o.where})" for o in largest) + "."
 
 
 def what_showed(openings: ClassComparison, scan: Path) -> list[str]:

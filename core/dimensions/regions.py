@@ -51,12 +51,13 @@ def read_regions(path: str | Path, origin: Array) -> tuple[list[Region], list[Re
         host = voids[0].RelatingBuildingElement.GlobalId if voids else ""
         openings.append((product, host, tuple(r.RelatedBuildingElement.GlobalId for r in product.HasFillings)))
     return (
-        [r for p in file.by_type("IfcSpace") if (r := _region(p, "", (), origin)) is not None],
-        [r for p, host, fill in openings if host and (r := _region(p, host, fill, origin)) is not None],
+        [r for p in file.by_type("IfcSpace") if (r := region_of(p, origin)) is not None],
+        [r for p, host, fill in openings if host and (r := region_of(p, origin, host, fill)) is not None],
     )
 
 
-def _region(product: Any, host: str, fillings: tuple[str, ...], origin: Array) -> Region | None:
+def region_of(product: Any, origin: Array, host: str = "", fillings: tuple[str, ...] = ()) -> Region | None:
+    """Of one product; None without a body."""
     import ifcopenshell.geom
 
     settings = ifcopenshell.geom.settings()
