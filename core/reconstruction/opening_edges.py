@@ -148,8 +148,9 @@ def seen_edge(
 
     Up to ``inner`` it is open, from ``outer`` on solid; ``side`` 1 where the hole begins, -1 where it ends. What lies on
     the face farther within the hole is a leaf that stands open. Strips share the edge: where their grids of rays differ,
-    they narrow it down together, and where they are alike they do not. ``reveal`` is asked for the edge by what was seen of
-    the reveal between two places.
+    they narrow it down together, and where they are alike they do not. What returns from deeper than the face, beyond where
+    rays went through in the same strip, is no face. ``reveal`` is asked for the edge by what was seen of the reveal between
+    two places.
     """
     close = chosen & (np.abs(at - 0.5 * (inner + outer)) < SEEN_CELLS * cell)
     solid = close & (depth >= -BEFORE * band) & (depth <= band) & (side * (at - inner) < WITHIN_CELLS * cell)
@@ -162,10 +163,13 @@ def seen_edge(
     first = int(strip[close].min())
     count = int(strip[close].max()) - first + 1
     last, first_open = np.full(count, -1), np.full(count, np.inf)
+    np.minimum.at(first_open, strip[through] - first, a[through])
     rows = np.flatnonzero(solid)
+    # what a beam returns that met the edge and what is behind it lies between the two
+    deep = depth[rows] - np.median(depth[rows]) > ON_REVEAL * band
+    rows = rows[~(deep & (a[rows] > first_open[strip[rows] - first]))]
     rows = rows[np.argsort(a[rows])]
     last[strip[rows] - first] = rows
-    np.minimum.at(first_open, strip[through] - first, a[through])
     both = (last >= 0) & np.isfinite(first_open)
     last, first_open = last[both], first_open[both]
     gap = first_open - a[last]

@@ -243,6 +243,21 @@ def test_a_face_that_a_station_sees_too_deep_is_not_taken_for_the_reveal() -> No
     assert abs(place.at - edge) < 1.96 * place.sigma
 
 
+@pytest.mark.parametrize("within", [0.012, 0.028])
+def test_beams_on_an_edge_and_the_frame_behind_it_are_no_face(within: float) -> None:
+    """One station's column returns from 8 mm behind the face; the other one sees the frame nearer to the edge."""
+    rng = np.random.default_rng(11)
+    edge = 1.0
+    u, z = (v.ravel() for v in np.meshgrid(np.arange(0.855, 1.15, 0.01), np.arange(0.0, 2.0, 0.01)))
+    depth = np.where(u < edge, rng.normal(0.0, 0.002, len(u)), 0.036)
+    column = np.arange(0.0, 2.0, 0.014)
+    u, z = np.append(u, np.full(len(column), edge + within)), np.append(z, column)
+    depth = np.append(depth, rng.normal(0.008, 0.0005, len(column)))
+    place = seen_edge(u, z, depth, np.ones(len(u), dtype=np.bool_), edge, edge, 0.02, 1.0, BAND, lambda *_: None)
+    assert place is not None and place.at == pytest.approx(edge, abs=0.006)
+    assert abs(place.at - edge) < 1.96 * place.sigma
+
+
 def test_a_return_on_a_moved_face_is_where_it_is() -> None:
     """The ray was followed to the face where that was looked for first; the return lies on the face that was found."""
     side = Crossings(np.array([1.02, 1.5]), np.array([1.0, 1.2]), np.array([0.005, 2.0]), np.array([1.0, 1.9]),
