@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_opening, find_objects, label
+from scipy.ndimage import binary_dilation, binary_opening, find_objects, label
 
 from .opening_edges import LEAST_CELLS, SIDE_SEEN, wall_lines
 
@@ -20,6 +20,10 @@ LEAST_SEEN_M = 0.14
 """So much of a hole must be seen, or all of its sides but one."""
 LEAST_SEEN_M2 = 0.06
 NEAR_M = 0.3
+FLOOR_M = 0.1
+"""So far up the floor's own returns may lie in the plane of a wall."""
+LEAST_OPEN_AROUND = 0.9
+"""Of the cells beside and above what stands free in a hole."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,25 @@ class FaceRaster:
         """Of the cells about which something is known."""
         known = np.isin(self.state, (SOLID, OPEN, VOID))
         return float((self.state == SOLID).sum() / max(known.sum(), 1))
+
+
+def without_islands(raster: FaceRaster) -> FaceRaster:
+    """What is solid with open cells around it stands on the floor in a hole, and hides it: parts of a wall hang together."""
+    around = np.ones((3, 3), dtype=np.bool_)
+    state = raster.state.copy()
+    above = state[:, int(np.ceil(FLOOR_M / raster.cell)) :]
+    pieces, _ = label(above == SOLID, around)
+    size = np.bincount(pieces.ravel())
+    for number, place in enumerate(find_objects(pieces), start=1):
+        at_end = place[0].start == 0 or place[0].stop == len(above) or place[1].stop == above.shape[1]
+        if at_end or size[number] * raster.cell**2 < LEAST_SEEN_M2:
+            continue
+        window = tuple(slice(max(s.start - 1, 0), s.stop + 1) for s in place)
+        piece = pieces[window] == number
+        beside = binary_dilation(piece, around) & ~piece
+        if (above[window][beside] == OPEN).mean() > LEAST_OPEN_AROUND:
+            above[window][piece] = HIDDEN
+    return replace(raster, state=state)
 
 
 def seen_holes(raster: FaceRaster, lost: bool) -> list[Rectangle]:

@@ -149,8 +149,8 @@ def seen_edge(
     Up to ``inner`` it is open, from ``outer`` on solid; ``side`` 1 where the hole begins, -1 where it ends. What lies on
     the face farther within the hole is a leaf that stands open. Strips share the edge: where their grids of rays differ,
     they narrow it down together, and where they are alike they do not. What returns from deeper than the face, beyond where
-    rays went through in the same strip, is no face. ``reveal`` is asked for the edge by what was seen of the reveal between
-    two places.
+    rays surely went through in the same strip, is no face. ``reveal`` is asked for the edge by what was seen of the reveal
+    between two places.
     """
     close = chosen & (np.abs(at - 0.5 * (inner + outer)) < SEEN_CELLS * cell)
     solid = close & (depth >= -BEFORE * band) & (depth <= band) & (side * (at - inner) < WITHIN_CELLS * cell)
@@ -162,12 +162,13 @@ def seen_edge(
     a = at * side
     first = int(strip[close].min())
     count = int(strip[close].max()) - first + 1
-    last, first_open = np.full(count, -1), np.full(count, np.inf)
-    np.minimum.at(first_open, strip[through] - first, a[through])
+    last, first_open, first_deep = np.full(count, -1), np.full(count, np.inf), np.full(count, np.inf)
+    for opens, chosen in ((first_open, through), (first_deep, close & (depth > (1.0 + ON_REVEAL) * band))):
+        np.minimum.at(opens, strip[chosen] - first, a[chosen])
     rows = np.flatnonzero(solid)
     # what a beam returns that met the edge and what is behind it lies between the two
-    deep = depth[rows] - np.median(depth[rows]) > ON_REVEAL * band
-    rows = rows[~(deep & (a[rows] > first_open[strip[rows] - first]))]
+    deep = depth - np.median(depth[rows]) > ON_REVEAL * band
+    rows = rows[~(deep[rows] & (a[rows] > first_deep[strip[rows] - first]))]
     rows = rows[np.argsort(a[rows])]
     last[strip[rows] - first] = rows
     both = (last >= 0) & np.isfinite(first_open)
@@ -182,7 +183,8 @@ def seen_edge(
     by_reveal = reveal(low, high)
     if by_reveal is None and depth[last].mean() - np.median(depth[solid]) > ON_REVEAL * band:
         # the last returns within the band lie on the reveal, and the last of many goes beyond it by their noise
-        return EdgePlace(side * (middles[0] - noise), float(np.hypot(noise, REVEAL_SIGMA_M)), True)
+        place = float(np.median(a[last[deep[last]]])) - noise
+        return EdgePlace(side * place, float(np.hypot(noise, REVEAL_SIGMA_M)), True)
     return by_reveal or _between(a[last], first_open, noise, side)
 
 

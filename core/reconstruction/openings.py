@@ -24,6 +24,7 @@ from .hole_rectangles import (
     corner_seen,
     framed,
     seen_holes,
+    without_islands,
 )
 from .opening_edges import (
     JUMP_M,
@@ -131,6 +132,7 @@ def find_openings(
     raster: FaceRaster, sides: list[Crossings], floor: float, thickness: float, band: float, lost: bool
 ) -> list[Opening]:
     """Rectangular holes of a wall. ``lost``: rays into the open leave no return (an outer wall), so a hole may be void."""
+    raster = without_islands(raster)
     state = raster.state
     out: list[Opening] = []
     for rectangle in seen_holes(raster, lost):

@@ -25,6 +25,8 @@ EDGE_SIGMAS = 3.0
 EDGE_M = 0.002
 """A ray is out of a hole this many standard deviations of its edge, and this far, beyond it."""
 REVEAL_SIGMA_M = 0.005
+SAME_END_M = 2.0 * np.sqrt(2.0) * REVEAL_SIGMA_M
+"""Two reveals of one thickness seem to end no farther apart, at 95 %."""
 LEAF_SIGMA_M = 0.05
 BORROWED_SIGMA_M = 0.12
 """Standard deviations of a thickness: from a reveal, from a leaf in the wall, from other walls (6 to 50 cm occur)."""
@@ -82,9 +84,7 @@ def _common(spans: list[Span]) -> Span | None:
     if not spans:
         return None
     low, high = max(s[0] for s in spans), min(s[1] for s in spans)
-    if low > high + REVEAL_SIGMA_M:
-        return None
-    return (low, high) if low < high else (0.5 * (low + high),) * 2
+    return (min(low, high), max(low, high)) if low < high + SAME_END_M else None
 
 
 def settle(walls: list[WallLine], hints: list[Hint]) -> None:

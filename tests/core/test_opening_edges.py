@@ -122,6 +122,11 @@ def test_outer_walls_are_as_thick_as_all_their_reveals_allow() -> None:
     assert [w.source for w in same] == ["REVEAL", "REVEAL", "ASSUMED"]
     assert [w.thickness for w in same] == pytest.approx([0.2605] * 3)
     assert same[0].thickness_sigma < 0.012 < same[2].thickness_sigma
+    near = walls((0.424, 0.623), (0.400, 0.413), (0.398, 0.588))
+    assert [w.thickness for w in near] == pytest.approx([0.4185] * 3)
+    assert near[0].thickness_sigma == pytest.approx(np.hypot(0.005, 0.011 / np.sqrt(12.0)))
+    apart = walls((0.40, 0.40), (0.42, 0.42))
+    assert [w.thickness for w in apart] != pytest.approx([0.41] * 2)
     other = walls((0.24, 0.24), (0.40, 0.41))
     assert other[1].thickness == pytest.approx(0.405) and other[1].source == "REVEAL"
 

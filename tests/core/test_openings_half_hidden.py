@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bim_verify.core.reconstruction.crossings import Crossings
+from bim_verify.core.reconstruction.hole_rectangles import HIDDEN, OPEN, SOLID, FaceRaster, without_islands
 from bim_verify.core.reconstruction.openings import Opening, face_raster, find_openings
 
 BAND = 0.012
@@ -53,6 +54,22 @@ def test_a_hole_goes_on_to_where_its_side_is_seen_again_between_two_things() -> 
     (opening,) = openings([hole], [chest, shelf])
     assert (opening.u0, opening.u1, opening.z1) == pytest.approx((1.0, 2.0, 2.3), abs=0.02)
     assert opening.hidden == ("sill",) and 0.0 < opening.z0 < 1.36
+
+
+def test_a_thing_that_stands_free_in_a_doorway_in_the_walls_plane_is_no_wall() -> None:
+    """The floor's returns in that plane join it to the wall in the lowest line of cells."""
+    (opening,) = openings([(1.0, 2.2, 0.02, 2.1)], [], (1.3, 2.0, 0.02, 1.25))
+    assert (opening.u0, opening.u1, opening.z0, opening.z1) == pytest.approx((1.0, 2.2, 0.0, 2.1), abs=0.02)
+    assert opening.hidden == ()
+
+
+def test_what_stands_in_a_hole_and_meets_its_side_is_wall() -> None:
+    state = np.full((100, 60), SOLID, dtype=np.int8)
+    state[20:60, 2:50] = OPEN
+    state[20:50, 2:30] = SOLID
+    assert (without_islands(FaceRaster(state, 0.02, 0.0, 0.0)).state == state).all()
+    state[20:30, 2:30] = OPEN
+    assert (without_islands(FaceRaster(state, 0.02, 0.0, 0.0)).state == HIDDEN).sum() == 20 * 25
 
 
 def test_wall_between_two_holes_over_each_other_parts_them() -> None:
