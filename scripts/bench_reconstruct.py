@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 from headless_entry import package
+from ifcopenshell.util.element import get_pset
 from numpy.typing import NDArray
 from shapely import MultiPolygon, Polygon, union_all
 from shapely.geometry.base import BaseGeometry
@@ -40,7 +41,7 @@ from bim_verify.core.reconstruction.building import BuiltRoom, Reconstruction  #
 from bim_verify.core.reconstruction.compare import ClassComparison, Comparison, compare, comparison_lines  # noqa: E402
 from bim_verify.core.reconstruction.crossings import BAND_M, cross  # noqa: E402
 from bim_verify.core.reconstruction.dimensions import dimension_rows  # noqa: E402
-from bim_verify.core.reconstruction.shapes import Shape, read_shapes  # noqa: E402
+from bim_verify.core.reconstruction.shapes import PSET_NAME, Shape, read_shapes  # noqa: E402
 from bim_verify.core.reconstruction.write_ifc import write_reconstruction  # noqa: E402
 from bim_verify.core.scans.open import open_scans  # noqa: E402
 from bim_verify.core.simulation.campaign import Campaign, place_props, scan_to_files, set_up  # noqa: E402
@@ -135,6 +136,7 @@ def main() -> None:
                   f"{math.degrees(result.poses.turn):.4f} degrees.", flush=True)
             rows = dimension_rows(result)
             errors, large = in_sigmas(rows, result, truth), largest_gap(rows)
+            errors["axes of walls"] = axes_in_sigmas(comparison, found)
             print(f"  {intervals(errors)}\n  {small_p(rows)} Largest gap {1000 * large:.1f} mm.", flush=True)
             for kind, values in errors.items():
                 whole.setdefault(kind, []).extend(values)
@@ -235,6 +237,13 @@ def in_sigmas(rows: list[Dimension], result: Reconstruction, truth: Path) -> dic
     return out
 
 
+def axes_in_sigmas(comparison: Comparison, found: Path) -> list[float]:
+    """Errors of the axes of walls over their ``PositionSigma``."""
+    file = open_ifc(found)
+    said = [(m.axis, get_pset(file.by_guid(m.found.global_id), PSET_NAME)) for m in comparison.classes["walls"].matches]
+    return [axis / own["PositionSigma"] for axis, own in said if own.get("PositionSigma")]
+
+
 def side_distances(ring: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances of all parallel sides of a polygon [m]."""
     along = np.roll(ring, -1, axis=0) - ring
@@ -251,7 +260,7 @@ def intervals(errors: dict[str, list[float]]) -> str:
         f"{sum(v < Z95 for v in values)} of {len(values)} {kind} (worst {max(values):.1f} sigma)"
         for kind, values in errors.items()
     ]
-    return f"95 % intervals of rooms hold for {', '.join(told)}."
+    return f"95 % intervals of rooms and walls hold for {', '.join(told)}."
 
 
 def largest_gap(rows: list[Dimension]) -> float:
