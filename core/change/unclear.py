@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..evidence.decide import Context, assess_place
+from ..evidence.as_found import reassessed
+from ..evidence.decide import Context
 from ..evidence.own_evidence import TOLD_APART_SIGMAS, Touching, beam_radius, four_sides, from_edges
 from ..evidence.scenery import Scenery
 from ..evidence.sightings import AT, BEYOND, Sightings
@@ -38,12 +39,7 @@ def without_unclear(scenery: Scenery, found: Findings, tolerance: float, context
     at = seen.on_face & (state == AT) & off[element]
     edge = from_edges(seen, samples, scenery.surfaces, at, context.sigma, count)
     seen = seen.beside(np.concatenate([behind, edge]))
-    first = np.searchsorted(seen.sample, samples.first_of(count))
-    plans, best = list(found.plans), list(found.best)
-    for e in np.unique(element[edge]).tolist():
-        part = seen.rows(slice(first[e], first[e + 1]))
-        plans[e] = best[e] = assess_place(plans[e].shift, part, samples.area[part.sample], plans[e].exposed, context)
-    return replace(found, plans=plans, best=best, seen=seen)
+    return reassessed(replace(found, seen=seen), np.unique(element[edge]), context)
 
 
 def split_beams(

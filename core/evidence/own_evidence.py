@@ -18,6 +18,7 @@ from ..model.elements import BuildingModel
 from ..model.on_element import ElementSurfaces
 from ..model.parts import Parts
 from ..model.samples import SurfaceSamples
+from .as_found import AsFound, medians
 from .decide import shared_area
 from .shared_surface import on_others
 from .sightings import AT, BEYOND, GRAZE, ON_FACE_M, Sightings
@@ -86,24 +87,33 @@ class Touching:
 
 
 def find_touching(
-    seen: Sightings, model: BuildingModel, samples: SurfaceSamples, origins: NDArray[np.float64], surfaces: ElementSurfaces,
-    window: float, sigma: float, parts: Parts,
+    seen: Sightings, at: NDArray[np.bool_], opposed: NDArray[np.bool_], model: BuildingModel, samples: SurfaceSamples,
+    origins: NDArray[np.float64], surfaces: ElementSurfaces, as_found: AsFound, sigma: float, parts: Parts,
 ) -> Touching:
-    """Such returns. Where nothing passes an element, those as near to its own face are left out: there is nothing to explain.
+    """Such returns, of those ``at`` their element's place (M,). Where nothing passes it (not ``opposed``, (M,)), those as near
+    to its own face are left out: there is nothing to explain.
 
     A board's back lies in the face of the wall that it covers: rays through the model (``explain``) may meet the one and miss
-    the other; without the board its wall is seen within the window. ``origins`` (M, 3) of the rays, metres, local frame.
+    the other; without the board its wall is seen within the window. A return came from the other element when it lies on
+    that one's face where it was found, and off the own face, also if that is off by as much. One beam tells this to two sigmas,
+    all of them together to one. ``origins`` (M, 3) of the rays, metres, local frame.
     """
-    near = TOLD_APART_SIGMAS * sigma
-    at, opposed = at_opposed(seen, samples, window, len(model.elements))
-    element = samples.element[seen.sample]
-    farther = np.abs(seen.deviation) > near + sigma
-    row = np.flatnonzero(at & (farther | opposed))
-    point = seen.point[row].astype(np.float64)
+    near, element = TOLD_APART_SIGMAS * sigma, samples.element[seen.sample]
+    off = np.abs(seen.deviation) > near + sigma
+    row = np.flatnonzero(at & (off | opposed))
+    point, normal = seen.point[row].astype(np.float64), samples.normal[seen.sample[row]].astype(np.float64)
     back = origins[row] - point
     back /= np.maximum(np.linalg.norm(back, axis=1, keepdims=True), 1e-9)
-    pair, other = on_others(model, surfaces, point, back, element[row], near, parts, GRAZE)
-    return Touching(row[pair], other, farther[row[pair]])
+    pair, other, face = on_others(model, surfaces, point, back, element[row], near, parts, GRAZE, as_found.shift)
+    row, point, normal = row[pair], point[pair], normal[pair]
+    with_it = np.abs(seen.deviation[row] - np.einsum("ij,ij->i", as_found.shift[other], normal)) > near + sigma
+    known = as_found.is_known(other, normal) | (np.abs(seen.deviation[row]) > as_found.placed)
+    level = np.einsum("ij,ij->i", point - as_found.shift[other] - surfaces.corner[face, 0], surfaces.normal[face])
+    farther = off[row] & with_it & known
+    _, group = np.unique(np.column_stack([element[row], other]), axis=0, return_inverse=True)
+    group = group.ravel()
+    farther[farther] = np.abs(medians(group[farther], level[farther], int(group.max(initial=-1)) + 1))[group[farther]] <= sigma
+    return Touching(row, other, farther)
 
 
 def at_opposed(
