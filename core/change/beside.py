@@ -12,11 +12,13 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from ..evidence.collect import StationIndexes
-from ..evidence.gather import SensorModel
+from ..evidence.as_found import AsFound
+from ..evidence.own_evidence import TOLD_APART_SIGMAS
 from ..evidence.scenery import Scenery
-from ..evidence.sightings import BEYOND, Sightings, hits_around
+from ..evidence.shared_surface import on_others
+from ..evidence.sightings import BEYOND, GRAZE, Sightings, hits_around
 from ..evidence.station_index import azimuth_half_width, azimuth_range, column_runs, place, row_range
+from ..model.parts import Parts
 from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
@@ -24,8 +26,8 @@ from ..scans.store import in_sector
 
 
 def passed_beside(
-    scenery: Scenery, seen: Sightings, samples: SurfaceSamples, stations: StationIndexes, sensor: SensorModel, scene: RayScene,
-    window: float, asked: NDArray[np.bool_], progress: Progress,
+    scenery: Scenery, seen: Sightings, samples: SurfaceSamples, as_found: AsFound, scene: RayScene, window: float, parts: Parts,
+    asked: NDArray[np.bool_], progress: Progress,
 ) -> NDArray[np.int64]:
     """Rows of beams that pass an element ``asked`` for (E,) where it may stand beside: the return of their station that is
     nearest to the passed position is no farther than ``window`` [m] from it, in any direction, and nothing planned explains it.
@@ -34,25 +36,33 @@ def passed_beside(
     """
     element = samples.element[seen.sample].astype(np.int64)
     row = np.flatnonzero(asked[element] & seen.on_face & (seen.state(window) == BEYOND) & (seen.station >= 0))
-    near = _nearest(seen, row, samples, stations, sensor, window, progress)
+    near = _nearest(scenery, seen, row, samples, window, progress)
     found = np.isfinite(near[:, 0])
     row, near = row[found], near[found]
     distance = np.linalg.norm(near - samples.position[seen.sample[row]], axis=1)
-    explained = np.zeros(len(row), np.bool_)
-    for away, triangle in hits_around(scene, scenery.origins(seen.rows(row)), near, scenery.explain_within):
-        explained |= (scene.element[triangle] != element[row]) & (away + sensor.sigma < distance)
+    explained, sigma, origins = np.zeros(len(row), np.bool_), scenery.sensor.sigma, scenery.origins(seen.rows(row))
+    for away, triangle in hits_around(scene, origins, near, scenery.explain_within):
+        explained |= (scene.element[triangle] != element[row]) & (away + sigma < distance)
+    far = np.flatnonzero(distance > (TOLD_APART_SIGMAS + 1.0) * sigma)  # a board's back hides the wall that it lies on
+    back = origins[far] - near[far]
+    back /= np.maximum(np.linalg.norm(back, axis=1, keepdims=True), 1e-9)
+    on, _, _ = on_others(
+        scenery.model, scenery.surfaces, near[far], back, element[row[far]].astype(np.int32), TOLD_APART_SIGMAS * sigma, parts,
+        GRAZE, as_found.shift,
+    )
+    explained[far[on]] = True
     return row[~explained]
 
 
 def _nearest(
-    seen: Sightings, row: NDArray[np.int64], samples: SurfaceSamples, stations: StationIndexes, sensor: SensorModel,
-    window: float, progress: Progress,
+    scenery: Scenery, seen: Sightings, row: NDArray[np.int64], samples: SurfaceSamples, window: float, progress: Progress
 ) -> NDArray[np.float64]:
     """(K, 3) of each ``row`` (K,) its station's return nearest to the position, within ``window`` [m]; NaN: there is none."""
     near = np.full((len(row), 3), np.nan)
     if not len(row):
         return near
-    for station, index, sector in stations.visit(sensor, progress):
+    stations = scenery.stations
+    for station, index, sector in stations.visit(scenery.sensor, progress):
         mine = np.flatnonzero(seen.station[row] == station)
         offset = samples.position[seen.sample[row[mine]]] - stations.position[station]
         if sector is not None:

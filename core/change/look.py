@@ -166,7 +166,7 @@ def look_at_elements(
         if beside is None:
             passed = np.array([shows_gone(0, int(through), thresholds.present_share) for through in own.beams_through])
             beside = passed_beside(
-                scenery, told, found.samples, stations, sensor_model(sigma), built, window, passed, progress.part(0.95, 1.0)
+                scenery, told, found.samples, as_found, built, window, parts, passed, progress.part(0.95, 1.0)
             )
         clear = own_evidence(told.beside(beside), *asked)
         elements = tuple(
