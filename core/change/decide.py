@@ -30,7 +30,9 @@ class Decision:
 def element_state(
     model: BuildingModel, row: int, now: ElementSight, before: ElementSight | None, amount: Amount, tolerance: float
 ) -> Decision:
-    """Decide one element, against the reference epoch, or the model where that saw nothing or is none."""
+    """Decide one element, against the reference epoch, or the model where that saw nothing of it or is none."""
+    if before is not None and before.in_doubt:
+        return Decision("UNKNOWN", f"In the reference: {before.reason} Now: {now.reason}")
     if before is None or before.seen == "UNSEEN":
         return _against_plan(model, row, now, amount)
     return _against_epoch(model, row, now, before, amount, tolerance)

@@ -64,6 +64,8 @@ class ElementSight:
     """Area, mostly near edges, of which beams close by tell nothing though nothing hides it: it is as the rest."""
     present: float = 1.0
     """Share of what was seen of its planned surface that is at its place, and its alone."""
+    in_doubt: bool = False
+    """Whether it was in view, but nothing told whether it stands."""
     placed: float = 0.0
     """Metres that the accuracy of the model and of the registration may put it off its place (95 %)."""
 
@@ -191,7 +193,8 @@ def _sight(
     def sight(seen: Seen, reason: str, place: Place = plan, where: bool = True) -> ElementSight:
         silent = float(own.silent[row]) if place is plan else 0.0
         return ElementSight(
-            seen, place.at, plan.beyond, exposed, vector if where else None, reason, silent, own.share(row), placed(context)
+            seen, place.at, plan.beyond, exposed, vector if where else None, reason, silent, own.share(row),
+            seen == "UNSEEN" and exposed > 0 and enough_seen(plan, share, t), placed(context),
         )
 
     at_plan = length <= tolerance and overlap(model, row, best.fit.vector) > ABSENT_OVERLAP  # voxels do not tell it apart

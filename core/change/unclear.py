@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..evidence.as_found import reassessed
 from ..evidence.decide import Context
-from ..evidence.own_evidence import TOLD_APART_SIGMAS, Touching, beam_radius, four_sides, from_edges
+from ..evidence.own_evidence import TOLD_APART_SIGMAS, Touching, beam_radius, four_sides, from_edges, may_be_half
 from ..evidence.scenery import Scenery
 from ..evidence.sightings import AT, BEYOND, Sightings
 from ..evidence.verify import Findings
@@ -48,7 +48,7 @@ def split_beams(
 ) -> Touching:
     """Returns, of those ``asked`` for (M,), of beams of which a part meets another element as planned before they return.
 
-    Only of elements of which most such returns are like that: a few at the border of a standing one are its own.
+    Only of elements of which half of such returns may be like that: a few at the border of a standing one are its own.
     ``origins`` (M, 3) of the rays, metres, local frame.
     """
     row = np.flatnonzero(asked & (seen.station >= 0))
@@ -69,5 +69,5 @@ def split_beams(
     pair = pair[np.array([(a, b) not in parts and (b, a) not in parts for a, b in whose], np.bool_)]
     of = samples.element[seen.sample]
     count, split_ = (np.bincount(of[k], minlength=int(of.max(initial=0)) + 1) for k in (row, np.unique(pair[:, 0])))
-    pair = pair[(2 * split_ > count)[of[pair[:, 0]]]]
+    pair = pair[may_be_half(split_, count)[of[pair[:, 0]]]]
     return Touching(pair[:, 0], pair[:, 1], np.zeros(len(pair), np.bool_))

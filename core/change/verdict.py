@@ -44,7 +44,9 @@ def verdict(
     if absent < mine < present and shows_standing(at, 0, absent) and shows_gone(0, through, present):
         if seen_share < t.absent_seen_share:
             return "LITTLE"
-        if found >= present * told:  # whosever the shared surface is
+        beams = at + through + int(own.beams_either[row])
+        there = round(beams * found / told)  # whosever the shared surface is
+        if not shows_gone(there, beams - there, present):
             return "EITHER"
         return "PART" if clear.share(row) < present and shows_gone(0, passed, present) else "BESIDE"
     if mine >= present and shows_standing(at, through, absent):

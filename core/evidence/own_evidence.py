@@ -241,14 +241,14 @@ def from_edges(
 ) -> NDArray[np.int64]:
     """Rows of returns, of those ``at`` the places of their elements (M,), that came from what stands at an edge.
 
-    They lie farther from the face than the sensor's error allows, and not over it, like most such returns of the element: a few
-    at the border of a face that is off are its own.
+    They lie farther from the face than the sensor's error allows, and not over it, as half of such returns of the element may:
+    a few at the border of a face that is off are its own.
     """
     row = np.flatnonzero(at & (np.abs(seen.deviation) > (TOLD_APART_SIGMAS + 1.0) * sigma))
     beside = ~clearly_over(seen.rows(row), samples, surfaces, TOLD_APART_SIGMAS * sigma)
     element = samples.element[seen.sample[row]]
     asked, aside = (np.bincount(of, minlength=elements) for of in (element, element[beside]))
-    return row[beside & (2 * aside > asked)[element]]
+    return row[beside & may_be_half(aside, asked)[element]]
 
 
 def beam_radius(seen: Sightings) -> NDArray[np.float64]:
@@ -283,6 +283,11 @@ def _on_face(
 def shows_gone(at: int, through: int, present: float) -> bool:
     """Whether so many beams through it would be unlikely if at least the share ``present`` of it stood."""
     return bool(binom.cdf(at, at + through, present) < ERROR_RATE)
+
+
+def may_be_half(part: NDArray[np.integer], whole: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """(N,) whether so few of the ``whole`` (N,) as ``part`` (N,) would not be unlikely if half of them were such."""
+    return np.asarray(binom.cdf(part, whole, 0.5) >= ERROR_RATE)
 
 
 def shows_standing(at: int, through: int, absent: float, tried: float = 1.0) -> bool:
