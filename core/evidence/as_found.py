@@ -88,29 +88,34 @@ def explained_anew(
         seen.on_face & seen.explained & (seen.station >= 0) & (np.abs(seen.deviation) <= context.window)
     )
     origins, within = scenery.origins(seen.rows(row)), scenery.explain_within
-    own, normal = element[row], samples.normal[seen.sample[row]].astype(np.float64)
+    own = element[row]
     off, reach = np.abs(seen.deviation[row]), as_found.placed
     stays, moved, unknown = (np.zeros(len(row), np.bool_) for _ in range(3))
-    nearest = np.full(len(row), np.inf)
+    nearest, whose = np.full(len(row), np.inf), np.zeros(len(row), np.int64)
     for away, triangle in hits_around(scenery.scene, origins, seen.point[row].astype(np.float64), within):
         other = scenery.scene.element[triangle].astype(np.int64)
         met = (away <= within) & (away + context.sigma < off)
+        normal = scenery.scene.normal[triangle]
         here, know = other == own, as_found.is_known(other, normal)
         elsewhere = np.abs(np.einsum("ij,ij->i", as_found.shift[other], normal)) > context.sigma
         stays |= met & (here | (know & ~elsewhere))
-        nearest = np.where(met & ~here & know & ~elsewhere, np.minimum(nearest, away), nearest)
+        closer = met & ~here & know & ~elsewhere & (away < nearest)
+        nearest[closer], whose[closer] = away[closer], other[closer]
         moved |= met & ~here & know & elsewhere
         unknown |= met & ~here & ~know
-    again = np.flatnonzero(moved & ~stays)
+    again = np.flatnonzero(~stays)  # of two faces that lie in each other a ray through the plan meets one
     for away, triangle in hits_around(scene, origins[again], seen.point[row[again]].astype(np.float64), within):
         other = scene.element[triangle].astype(np.int64)
         met = (away <= within) & (away + context.sigma < off[again])
-        met &= (other != own[again]) & as_found.is_known(other, normal[again])
+        met &= (other != own[again]) & as_found.is_known(other, scene.normal[triangle])
         stays[again] |= met
-        nearest[again] = np.where(met, np.minimum(nearest[again], away), nearest[again])
+        closer = met & (away < nearest[again])
+        nearest[again[closer]], whose[again[closer]] = away[closer], other[closer]
     between = np.isfinite(nearest) & (off <= reach)
-    beside = medians(own[between], nearest[between], len(found.plans)) > context.sigma
-    either = (unknown & ~stays & (off <= reach)) | (between & beside[own])
+    _, pair = np.unique(np.column_stack([own, whose]), axis=0, return_inverse=True)
+    pair = pair.ravel()
+    beside = medians(pair[between], nearest[between], int(pair.max(initial=-1)) + 1) > context.sigma
+    either = (unknown & ~stays & (off <= reach)) | (between & beside[pair])
     freed = either | (moved & ~stays & ~unknown)
     changed = row[freed]
     if not len(changed):

@@ -107,7 +107,7 @@ def find_touching(
     pair, other, face = on_others(model, surfaces, point, back, element[row], near, parts, GRAZE, as_found.shift)
     row, point, normal = row[pair], point[pair], normal[pair]
     with_it = np.abs(seen.deviation[row] - np.einsum("ij,ij->i", as_found.shift[other], normal)) > near + sigma
-    known = as_found.is_known(other, normal) | (np.abs(seen.deviation[row]) > as_found.placed)
+    known = as_found.is_known(other, surfaces.normal[face]) | (np.abs(seen.deviation[row]) > as_found.placed)
     level = np.einsum("ij,ij->i", point - as_found.shift[other] - surfaces.corner[face, 0], surfaces.normal[face])
     farther = off[row] & with_it & known
     _, group = np.unique(np.column_stack([element[row], other]), axis=0, return_inverse=True)
