@@ -161,8 +161,8 @@ def look_at_elements(
         told = found.seen.explained_too(others)
         asked = (
             found.samples, origins, surfaces, shared.in_doubt(len(found.samples), known_gone),
-            np.concatenate([either, turned, doubtful]), np.unique(split.split(known_gone)[1]), window, registration_sigma,
-            len(model.elements),
+            np.concatenate([either, turned]), np.unique(np.concatenate([split.split(known_gone)[1], doubtful])), window,
+            registration_sigma, len(model.elements),
         )
         own = own_evidence(told, *asked)
         if beside is None:

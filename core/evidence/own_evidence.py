@@ -56,7 +56,8 @@ class OwnEvidence:
     beams_either: NDArray[np.int64]
     """Different returns that may be another element's, or from between two."""
     beams_split: NDArray[np.int64]
-    """Of these, different returns of beams of which a part meets another element first: its own, or from between the two."""
+    """Of these, different returns of beams of which a part meets another element first: its own, or from between the two; and
+    returns that others explain where they are planned, but not where they were found."""
 
     def own_by_chance(self, row: int) -> bool:
         """Whether so few of its returns are its alone that they may be the other element's too: of those one in twenty lies
