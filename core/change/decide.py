@@ -30,7 +30,9 @@ class Decision:
 def element_state(
     model: BuildingModel, row: int, now: ElementSight, before: ElementSight | None, amount: Amount, tolerance: float
 ) -> Decision:
-    """Decide one element, against the reference epoch, or the model where that saw nothing or is none."""
+    """Decide one element, against the reference epoch, or the model where that saw nothing of it or is none."""
+    if before is not None and before.in_doubt:
+        return Decision("UNKNOWN", f"In the reference: {before.reason} Now: {now.reason}")
     if before is None or before.seen == "UNSEEN":
         return _against_plan(model, row, now, amount)
     return _against_epoch(model, row, now, before, amount, tolerance)
@@ -51,7 +53,7 @@ def partly_gone(model: BuildingModel, row: int, deep_share: float) -> bool:
 
 def _against_plan(model: BuildingModel, row: int, now: ElementSight, amount: Amount) -> Decision:
     if now.seen == "MOVED":
-        return _moved(model, row, np.array(now.shift), now.reason)
+        return _moved(model, row, np.array(now.shift), now.reason, now.placed)
     if now.seen == "STANDS" and partly_gone(model, row, amount.deep):
         return Decision("PARTIAL", f"{now.reason} Rays crossed {amount.deep:.0%} of its volume: that part is gone.")
     states: dict[Seen, State] = {
@@ -78,9 +80,11 @@ def _against_epoch(
     left = overlap(model, row, change) <= ABSENT_OVERLAP
     if np.linalg.norm(change) <= tolerance and not (left and now.seen != before.seen):
         return Decision("CONFIRMED", then)
+    if left and np.linalg.norm(change) <= now.placed:
+        return _moved(model, row, change, then, now.placed)
     if now.seen == "STANDS" and left:  # its place was empty, and no longer is
         return Decision("NEW", f"{then} Its planned place was free in the reference.")
-    return _moved(model, row, change, then)
+    return _moved(model, row, change, then, now.placed)
 
 
 def _in_part(model: BuildingModel, row: int, sight: ElementSight, deep_share: float) -> bool:
@@ -115,9 +119,12 @@ def _parts(amount: Amount, part_now: bool, part_then: bool, then: str) -> Decisi
     return Decision("CONFIRMED", f"{then} What stood of it stands now, and nothing was found of what was missing.")
 
 
-def _moved(model: BuildingModel, row: int, shift: NDArray[np.float64], reason: str) -> Decision:
+def _moved(model: BuildingModel, row: int, shift: NDArray[np.float64], reason: str, placed: float) -> Decision:
     share = overlap(model, row, shift)
     if share <= ABSENT_OVERLAP:
+        if np.linalg.norm(shift) <= placed:
+            slender = f"{share:.0%} of it overlaps, but the accuracy of model and registration may put it as far off."
+            return Decision("UNKNOWN", f"{reason} {slender}", share)
         return Decision("DISAPPEARED", f"{reason} It has left its place: {share:.0%} of it overlaps.", share)
     return Decision("PARTIAL", f"{reason} {share:.0%} of it overlaps its place.", share)
 

@@ -56,7 +56,7 @@ def without_neighbours(
     back = scenery.origins(seen)[there] - point
     back /= np.maximum(np.linalg.norm(back, axis=1, keepdims=True), 1e-9)
     near = TOLD_APART_SIGMAS * context.sigma
-    pair, other = on_others(scenery.model, scenery.surfaces, point, back, element[there], near, parts, GRAZE)
+    pair, other, _ = on_others(scenery.model, scenery.surfaces, point, back, element[there], near, parts, GRAZE)
     others = np.zeros(len(seen), np.bool_)
     others[there[pair[_stands(plans, best, context)[other]]]] = True
     places = list(best)

@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
+from ..evidence.as_found import AsFound, explained_anew, placed
 from ..evidence.collect import StationIndexes
 from ..evidence.decide import GLAZED, Context, Place, enough_seen, standing_shares
 from ..evidence.error_model import estimate_errors
 from ..evidence.gather import SensorModel
 from ..evidence.left_place import PlannedPlaces
 from ..evidence.overlap import ABSENT_OVERLAP, overlap
-from ..evidence.own_evidence import OwnEvidence, at_opposed, find_touching, own_evidence
+from ..evidence.own_evidence import OwnEvidence, at_opposed, find_touching, own_evidence, shows_gone
 from ..evidence.rival import is_found, rival
 from ..evidence.scenery import Scenery, with_glass
 from ..evidence.shared_surface import find_shared
@@ -35,6 +36,7 @@ from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..sensing.loa import level_sigma, worst_voxel_shift
+from .beside import passed_beside
 from .found_place import nearer_places, without_neighbours
 from .unclear import split_beams, without_unclear
 from .verdict import verdict
@@ -62,6 +64,10 @@ class ElementSight:
     """Area, mostly near edges, of which beams close by tell nothing though nothing hides it: it is as the rest."""
     present: float = 1.0
     """Share of what was seen of its planned surface that is at its place, and its alone."""
+    in_doubt: bool = False
+    """Whether it was in view, but nothing told whether it stands."""
+    placed: float = 0.0
+    """Metres that the accuracy of the model and of the registration may put it off its place (95 %)."""
 
     @property
     def distance(self) -> float:
@@ -124,17 +130,21 @@ def look_at_elements(
     )
     seen = with_glass(scenery, seen, samples.triangle[seen.sample], context.see_through)
     tolerance = change_tolerance(edge, sigma, registration_sigma)
-    found = places(scenery, seen, context, progress.part(0.6, 1.0))
+    found = places(scenery, seen, context, progress.part(0.6, 0.95))
+    as_found = AsFound.of(found, samples, context)
+    built = as_found.scene(scenery, found, window)
+    found, doubtful = explained_anew(scenery, found, as_found, built, context)
     found = without_unclear(scenery, replace(found, best=nearer_places(scenery, found, context)), tolerance, context)
     exposed = np.bincount(
         found.samples.element, weights=found.samples.area * found.samples.exposed, minlength=len(model.elements)
     )
     shared = find_shared(model, found.samples, surfaces, parts)
     origins = scenery.origins(found.seen)
-    touching = find_touching(found.seen, model, found.samples, origins, surfaces, window, sigma, parts)
-    at, opposed = at_opposed(found.seen, found.samples, window, len(model.elements))  # else there is nothing to explain
-    split = split_beams(found.seen, at & opposed, found.samples, origins, scene, sigma, registration_sigma, parts)
-    turned = find_turned(found.seen, model, found.samples, surfaces, stations, sensor_model(sigma), window, at & opposed)
+    at, opposed = at_opposed(found.seen, found.samples, window, len(model.elements))
+    touching = find_touching(found.seen, at, opposed, model, found.samples, origins, surfaces, as_found, sigma, parts)
+    at &= opposed  # else there is nothing to explain
+    split = split_beams(found.seen, at, found.samples, origins, scene, sigma, registration_sigma, parts)
+    turned = find_turned(found.seen, found.samples, surfaces, stations, sensor_model(sigma), window, at)
     planned = PlannedPlaces.of(
         found.seen, origins, found.samples, scene, surfaces, window, registration_sigma, len(model.elements)
     )
@@ -145,16 +155,24 @@ def look_at_elements(
             found.plans, without_neighbours(scenery, found.samples, found.plans, found.best, context, parts), strict=True
         ))
     ]
-    known_gone = np.zeros(len(model.elements), np.bool_)
+    known_gone, beside = np.zeros(len(model.elements), np.bool_), None
     for _ in range(2):  # what is gone shares its surface with nobody
         others, either = touching.split(known_gone)
-        own = own_evidence(
-            found.seen.explained_too(others), found.samples, origins, surfaces,
-            shared.in_doubt(len(found.samples), known_gone), np.concatenate([either, turned]),
-            np.unique(split.split(known_gone)[1]), window, registration_sigma, len(model.elements),
+        told = found.seen.explained_too(others)
+        asked = (
+            found.samples, origins, surfaces, shared.in_doubt(len(found.samples), known_gone),
+            np.concatenate([either, turned]), np.unique(np.concatenate([split.split(known_gone)[1], doubtful])), window,
+            registration_sigma, len(model.elements),
         )
+        own = own_evidence(told, *asked)
+        if beside is None:
+            passed = np.array([shows_gone(0, int(through), thresholds.present_share) for through in own.beams_through])
+            beside = passed_beside(
+                scenery, told, found.samples, as_found, built, window, parts, passed, progress.part(0.95, 1.0)
+            )
+        clear = own_evidence(told.beside(beside), *asked)
         elements = tuple(
-            _sight(model, row, plan, best, float(exposed[row]), tolerance, context, own,
+            _sight(model, row, plan, best, float(exposed[row]), tolerance, context, own, clear,
                    shared.main_partner(row, known_gone), planned)
             for row, (plan, best) in enumerate(zip(found.plans, best_places, strict=True))
         )
@@ -164,7 +182,7 @@ def look_at_elements(
 
 def _sight(
     model: BuildingModel, row: int, plan: Place, best: Place, exposed: float, tolerance: float, context: Context,
-    own: OwnEvidence, partner: int, planned: PlannedPlaces,
+    own: OwnEvidence, clear: OwnEvidence, partner: int, planned: PlannedPlaces,
 ) -> ElementSight:
     t = context.thresholds
     share = (plan.at + plan.beyond) / max(exposed, 1e-12)
@@ -175,7 +193,8 @@ def _sight(
     def sight(seen: Seen, reason: str, place: Place = plan, where: bool = True) -> ElementSight:
         silent = float(own.silent[row]) if place is plan else 0.0
         return ElementSight(
-            seen, place.at, plan.beyond, exposed, vector if where else None, reason, silent, own.share(row)
+            seen, place.at, plan.beyond, exposed, vector if where else None, reason, silent, own.share(row),
+            seen == "UNSEEN" and exposed > 0 and enough_seen(plan, share, t), placed(context),
         )
 
     at_plan = length <= tolerance and overlap(model, row, best.fit.vector) > ABSENT_OVERLAP  # voxels do not tell it apart
@@ -198,7 +217,7 @@ def _sight(
         return sight("UNSEEN", few, where=False)
     shares = standing_shares(model.elements[row].ifc_class, model.transparent[_triangles(model, row)], t)
     at, through, mine = int(own.beams_at[row]), int(own.beams_through[row]), own.share(row)
-    says = verdict(own, row, share, shares, t, glazed(model, row))
+    says = verdict(own, row, share, shares, t, glazed(model, row), clear)
     if says == "LITTLE":
         little = f"Rays pass through {1 - mine:.0%} of what was in view, but that is only {share:.1%} of its surface."
         return sight("UNSEEN", little, where=False)
@@ -213,6 +232,12 @@ def _sight(
         return sight("PART", f"{mine:.0%} of its surface in view is at its place; rays pass through the rest.")
     if says == "STANDS":
         return sight("STANDS", f"{mine:.0%} of the {share:.0%} of its surface in view is at its place.")
+    if says == "BESIDE":
+        aside = (
+            f"{through} beams pass its place, {through - int(clear.beams_through[row])} of them where something stands right "
+            "beside it: that may be it, a little off."
+        )
+        return sight("UNSEEN", aside, where=False)
     if says == "EITHER" and partner >= 0:
         other = model.elements[partner]
         name = f"{other.ifc_class} {other.name}".strip()

@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..evidence.decide import Context, assess_place
-from ..evidence.own_evidence import TOLD_APART_SIGMAS, Touching, beam_radius, four_sides, from_edges
+from ..evidence.as_found import reassessed
+from ..evidence.decide import Context
+from ..evidence.own_evidence import TOLD_APART_SIGMAS, Touching, beam_radius, four_sides, from_edges, may_be_half
 from ..evidence.scenery import Scenery
 from ..evidence.sightings import AT, BEYOND, Sightings
 from ..evidence.verify import Findings
@@ -38,12 +39,7 @@ def without_unclear(scenery: Scenery, found: Findings, tolerance: float, context
     at = seen.on_face & (state == AT) & off[element]
     edge = from_edges(seen, samples, scenery.surfaces, at, context.sigma, count)
     seen = seen.beside(np.concatenate([behind, edge]))
-    first = np.searchsorted(seen.sample, samples.first_of(count))
-    plans, best = list(found.plans), list(found.best)
-    for e in np.unique(element[edge]).tolist():
-        part = seen.rows(slice(first[e], first[e + 1]))
-        plans[e] = best[e] = assess_place(plans[e].shift, part, samples.area[part.sample], plans[e].exposed, context)
-    return replace(found, plans=plans, best=best, seen=seen)
+    return reassessed(replace(found, seen=seen), np.unique(element[edge]), context)
 
 
 def split_beams(
@@ -52,7 +48,7 @@ def split_beams(
 ) -> Touching:
     """Returns, of those ``asked`` for (M,), of beams of which a part meets another element as planned before they return.
 
-    Only of elements of which most such returns are like that: a few at the border of a standing one are its own.
+    Only of elements of which half of such returns may be like that: a few at the border of a standing one are its own.
     ``origins`` (M, 3) of the rays, metres, local frame.
     """
     row = np.flatnonzero(asked & (seen.station >= 0))
@@ -73,5 +69,5 @@ def split_beams(
     pair = pair[np.array([(a, b) not in parts and (b, a) not in parts for a, b in whose], np.bool_)]
     of = samples.element[seen.sample]
     count, split_ = (np.bincount(of[k], minlength=int(of.max(initial=0)) + 1) for k in (row, np.unique(pair[:, 0])))
-    pair = pair[(2 * split_ > count)[of[pair[:, 0]]]]
+    pair = pair[may_be_half(split_, count)[of[pair[:, 0]]]]
     return Touching(pair[:, 0], pair[:, 1], np.zeros(len(pair), np.bool_))

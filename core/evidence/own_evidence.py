@@ -18,6 +18,7 @@ from ..model.elements import BuildingModel
 from ..model.on_element import ElementSurfaces
 from ..model.parts import Parts
 from ..model.samples import SurfaceSamples
+from .as_found import AsFound, medians
 from .decide import shared_area
 from .shared_surface import on_others
 from .sightings import AT, BEYOND, GRAZE, ON_FACE_M, Sightings
@@ -55,7 +56,8 @@ class OwnEvidence:
     beams_either: NDArray[np.int64]
     """Different returns that may be another element's, or from between two."""
     beams_split: NDArray[np.int64]
-    """Of these, different returns of beams of which a part meets another element first: its own, or from between the two."""
+    """Of these, different returns of beams of which a part meets another element first: its own, or from between the two; and
+    returns that others explain where they are planned, but not where they were found."""
 
     def own_by_chance(self, row: int) -> bool:
         """Whether so few of its returns are its alone that they may be the other element's too: of those one in twenty lies
@@ -86,24 +88,33 @@ class Touching:
 
 
 def find_touching(
-    seen: Sightings, model: BuildingModel, samples: SurfaceSamples, origins: NDArray[np.float64], surfaces: ElementSurfaces,
-    window: float, sigma: float, parts: Parts,
+    seen: Sightings, at: NDArray[np.bool_], opposed: NDArray[np.bool_], model: BuildingModel, samples: SurfaceSamples,
+    origins: NDArray[np.float64], surfaces: ElementSurfaces, as_found: AsFound, sigma: float, parts: Parts,
 ) -> Touching:
-    """Such returns. Where nothing passes an element, those as near to its own face are left out: there is nothing to explain.
+    """Such returns, of those ``at`` their element's place (M,). Where nothing passes it (not ``opposed``, (M,)), those as near
+    to its own face are left out: there is nothing to explain.
 
     A board's back lies in the face of the wall that it covers: rays through the model (``explain``) may meet the one and miss
-    the other; without the board its wall is seen within the window. ``origins`` (M, 3) of the rays, metres, local frame.
+    the other; without the board its wall is seen within the window. A return came from the other element when it lies on
+    that one's face where it was found, and off the own face, also if that is off by as much. One beam tells this to two sigmas,
+    all of them together to one. ``origins`` (M, 3) of the rays, metres, local frame.
     """
-    near = TOLD_APART_SIGMAS * sigma
-    at, opposed = at_opposed(seen, samples, window, len(model.elements))
-    element = samples.element[seen.sample]
-    farther = np.abs(seen.deviation) > near + sigma
-    row = np.flatnonzero(at & (farther | opposed))
-    point = seen.point[row].astype(np.float64)
+    near, element = TOLD_APART_SIGMAS * sigma, samples.element[seen.sample]
+    off = np.abs(seen.deviation) > near + sigma
+    row = np.flatnonzero(at & (off | opposed))
+    point, normal = seen.point[row].astype(np.float64), samples.normal[seen.sample[row]].astype(np.float64)
     back = origins[row] - point
     back /= np.maximum(np.linalg.norm(back, axis=1, keepdims=True), 1e-9)
-    pair, other = on_others(model, surfaces, point, back, element[row], near, parts, GRAZE)
-    return Touching(row[pair], other, farther[row[pair]])
+    pair, other, face = on_others(model, surfaces, point, back, element[row], near, parts, GRAZE, as_found.shift)
+    row, point, normal = row[pair], point[pair], normal[pair]
+    with_it = np.abs(seen.deviation[row] - np.einsum("ij,ij->i", as_found.shift[other], normal)) > near + sigma
+    known = as_found.is_known(other, surfaces.normal[face]) | (np.abs(seen.deviation[row]) > as_found.placed)
+    level = np.einsum("ij,ij->i", point - as_found.shift[other] - surfaces.corner[face, 0], surfaces.normal[face])
+    farther = off[row] & with_it & known
+    _, group = np.unique(np.column_stack([element[row], other]), axis=0, return_inverse=True)
+    group = group.ravel()
+    farther[farther] = np.abs(medians(group[farther], level[farther], int(group.max(initial=-1)) + 1))[group[farther]] <= sigma
+    return Touching(row, other, farther)
 
 
 def at_opposed(
@@ -231,14 +242,14 @@ def from_edges(
 ) -> NDArray[np.int64]:
     """Rows of returns, of those ``at`` the places of their elements (M,), that came from what stands at an edge.
 
-    They lie farther from the face than the sensor's error allows, and not over it, like most such returns of the element: a few
-    at the border of a face that is off are its own.
+    They lie farther from the face than the sensor's error allows, and not over it, as half of such returns of the element may:
+    a few at the border of a face that is off are its own.
     """
     row = np.flatnonzero(at & (np.abs(seen.deviation) > (TOLD_APART_SIGMAS + 1.0) * sigma))
     beside = ~clearly_over(seen.rows(row), samples, surfaces, TOLD_APART_SIGMAS * sigma)
     element = samples.element[seen.sample[row]]
     asked, aside = (np.bincount(of, minlength=elements) for of in (element, element[beside]))
-    return row[beside & (2 * aside > asked)[element]]
+    return row[beside & may_be_half(aside, asked)[element]]
 
 
 def beam_radius(seen: Sightings) -> NDArray[np.float64]:
@@ -273,6 +284,11 @@ def _on_face(
 def shows_gone(at: int, through: int, present: float) -> bool:
     """Whether so many beams through it would be unlikely if at least the share ``present`` of it stood."""
     return bool(binom.cdf(at, at + through, present) < ERROR_RATE)
+
+
+def may_be_half(part: NDArray[np.integer], whole: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """(N,) whether so few of the ``whole`` (N,) as ``part`` (N,) would not be unlikely if half of them were such."""
+    return np.asarray(binom.cdf(part, whole, 0.5) >= ERROR_RATE)
 
 
 def shows_standing(at: int, through: int, absent: float, tried: float = 1.0) -> bool:

@@ -55,7 +55,7 @@ def find_shared(
 ) -> SharedSurface:
     """All such pairs among the exposed ``samples``; a part and its whole are none."""
     row = np.flatnonzero(samples.exposed)
-    at, partner = on_others(
+    at, partner, _ = on_others(
         model, surfaces, samples.position[row], samples.normal[row], samples.element[row], SAME_SURFACE_M, parts,
     )
     sample = row[at]
@@ -65,25 +65,27 @@ def find_shared(
 def on_others(
     model: BuildingModel, surfaces: ElementSurfaces, point: NDArray[np.float64], normal: NDArray[np.float64],
     element: NDArray[np.int32], within: float, parts: Parts, cosine: float = PARALLEL,
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pairs (row, other): which points (N, 3), of ``element`` (N,) in ascending order, lie on a face of which other element.
+    shift: NDArray[np.float64] | None = None,
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32]]:
+    """(row, other, its triangle): points (N, 3), of ``element`` (N,) in ascending order, that lie on a face of which other one.
 
     The face is within ``within`` metres, its normal has at least this ``cosine`` with ``normal`` (N, 3). Asked element by
-    element, since rays meet only one of two faces that lie in each other.
+    element, since rays meet only one of two faces that lie in each other. ``shift`` (E, 3) [m] of the others from their plan.
     """
     none = np.zeros(0, np.int64)
-    found, waiting = [(none, none)], _Waiting()
+    found, waiting = [(none, none, none.astype(np.int32))], _Waiting()
     low, high = model.element_bounds
-    low, high = low - within, high + within
+    shift = np.zeros_like(low) if shift is None else shift
+    low, high = low + shift - within, high + shift + within
     edge = np.flatnonzero(np.diff(element, prepend=-1, append=-1))
 
     def ask() -> None:
         row, other = np.concatenate([none, *waiting.row]), np.concatenate([none, *waiting.other])
         on = surfaces.face_at(
-            point[row].astype(np.float64), normal[row].astype(np.float64), other.astype(np.int32),
+            point[row].astype(np.float64) - shift[other], normal[row].astype(np.float64), other.astype(np.int32),
             model.triangle_start[other].astype(np.int32), within, cosine,
         )
-        found.append((row[on >= 0], other[on >= 0]))
+        found.append((row[on >= 0], other[on >= 0], on[on >= 0]))
         waiting.row, waiting.other, waiting.count = [], [], 0
 
     for begin, end in pairwise(edge.tolist()):
@@ -95,8 +97,9 @@ def on_others(
         if waiting.count > ASKED_AT_ONCE:
             ask()
     ask()
-    row, other = (np.concatenate([f[k] for f in found]) for k in (0, 1))
-    return row, other
+    return (
+        np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found]), np.concatenate([f[2] for f in found])
+    )
 
 
 @dataclass

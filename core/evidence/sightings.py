@@ -254,10 +254,18 @@ def explain(
 def surfaces_at(
     scene: RayScene, station: NDArray[np.float64], point: NDArray[np.float64], within: float
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int32]]]:
+    """The same as ``hits_around``, with the surfaces' elements."""
+    for away, triangle in hits_around(scene, station, point, within):
+        yield away, scene.element[triangle]
+
+
+def hits_around(
+    scene: RayScene, station: NDArray[np.float64], point: NDArray[np.float64], within: float
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int32]]]:
     """The surfaces that rays from ``station`` (K, 3) meet from outside around their returns ``point`` (K, 3), one by one.
 
     Yields how far each return lies from the surface along its normal [m] (K,), infinite where there is none, and the
-    surface's element (K,). Those within ``within`` metres are all among them. Local frame.
+    surface's triangle (K,). Those within ``within`` metres are all among them. Local frame.
     """
     ray = point - station
     ray /= np.maximum(np.linalg.norm(ray, axis=1, keepdims=True), 1e-9)
@@ -267,4 +275,4 @@ def surfaces_at(
         facing = np.abs(np.einsum("ij,ij->i", ray, scene.normal[triangle]))
         with np.errstate(invalid="ignore"):
             away = np.abs(distance - back) * facing
-        yield np.where((triangle >= 0) & entering, away, np.inf), scene.element[triangle]
+        yield np.where((triangle >= 0) & entering, away, np.inf), triangle

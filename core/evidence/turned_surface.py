@@ -12,7 +12,6 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from ..model.elements import BuildingModel
 from ..model.on_element import ElementSurfaces
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
@@ -32,16 +31,19 @@ across."""
 
 
 def find_turned(
-    seen: Sightings, model: BuildingModel, samples: SurfaceSamples, surfaces: ElementSurfaces, stations: StationIndexes,
+    seen: Sightings, samples: SurfaceSamples, surfaces: ElementSurfaces, stations: StationIndexes,
     sensor: SensorModel, window: float, asked: NDArray[np.bool_],
 ) -> NDArray[np.int64]:
     """Rows of such returns, of those that are ``asked`` for (M,).
 
-    ``window`` [m]: within it a return is at its place, and a face of the element is near. Where the returns around lie on no
-    plane (edges, slender or round things) nothing is said.
+    ``window`` [m]: within it a return is at its place, and a face of the element is near, in any direction: a slender one that
+    stands a little off returns beside its faces. Where the returns around lie on no plane (edges, slender or round things)
+    nothing is said.
     """
     element = samples.element[seen.sample]
     row = np.flatnonzero(asked & (seen.station >= 0))
+    if not len(row):
+        return row
     normal = np.full((len(row), 3), np.nan)
     for station, index, sector in stations.visit(sensor, Progress(), AROUND_SPACINGS):
         mine = np.flatnonzero(seen.station[row] == station)
@@ -55,11 +57,8 @@ def find_turned(
         )
     flat = np.isfinite(normal[:, 0])
     row, normal = row[flat], normal[flat]
-    whose = element[row].astype(np.int32)
-    face = surfaces.face_at(
-        seen.point[row].astype(np.float64), normal, whose, model.triangle_start[whose].astype(np.int32), window
-    )
-    return row[face < 0]
+    near = surfaces.near(seen.point[row].astype(np.float64), normal, element[row].astype(np.int32), window)
+    return row[~near]
 
 
 @njit(cache=True, nogil=True, parallel=True)

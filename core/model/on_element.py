@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
@@ -10,6 +12,10 @@ from .elements import BuildingModel
 
 PARALLEL = 0.5
 """Faces less than 60 degrees apart look the same way."""
+BLOCK = 64
+"""Triangles close together that are passed over as one when a point lies outside their box."""
+ROUNDING_M = 1e-4
+"""Boxes are larger by this: no triangle that holds a point may be passed over."""
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -38,23 +44,115 @@ def _on_triangle(
 def _on_element(
     point: NDArray[np.float64], normal: NDArray[np.float64], element: NDArray[np.int32], triangle: NDArray[np.int32],
     corner: NDArray[np.float64], facing: NDArray[np.float64], center: NDArray[np.float64], radius: NDArray[np.float64],
-    start: NDArray[np.int64], depth: float, cosine: float,
+    start: NDArray[np.int64], order: NDArray[np.int64], first: NDArray[np.int64], box: NDArray[np.float64],
+    depth: float, cosine: float,
 ) -> NDArray[np.int32]:
+    """The first triangle of each element that holds the point; ``order``, ``first`` and ``box`` are of ``_blocks``."""
     out = np.full(len(point), -1, np.int32)
+    around = depth + ROUNDING_M
     for i in prange(len(point)):
         x, y, z = point[i]
         nx, ny, nz = normal[i]
         if _on_triangle(x, y, z, nx, ny, nz, corner[triangle[i]], facing[triangle[i]], depth, cosine):
             out[i] = triangle[i]
             continue
-        for t in range(start[element[i]], start[element[i] + 1]):
-            dx, dy, dz = x - center[t, 0], y - center[t, 1], z - center[t, 2]
-            if dx * dx + dy * dy + dz * dz <= radius[t] and _on_triangle(
-                x, y, z, nx, ny, nz, corner[t], facing[t], depth, cosine
+        e = element[i]
+        best = start[e + 1]
+        for b in range(first[e], first[e + 1]):
+            if (
+                x < box[b, 0] - around or y < box[b, 1] - around or z < box[b, 2] - around
+                or x > box[b, 3] + around or y > box[b, 4] + around or z > box[b, 5] + around
             ):
-                out[i] = t
-                break
+                continue
+            begin = start[e] + (b - first[e]) * BLOCK
+            for k in range(begin, min(begin + BLOCK, start[e + 1])):
+                t = order[k]
+                dx, dy, dz = x - center[t, 0], y - center[t, 1], z - center[t, 2]
+                if t < best and dx * dx + dy * dy + dz * dz <= radius[t] and _on_triangle(
+                    x, y, z, nx, ny, nz, corner[t], facing[t], depth, cosine
+                ):
+                    best = t
+        if best < start[e + 1]:
+            out[i] = best
     return out
+
+
+@njit(cache=True, nogil=True)
+def _distance(x: float, y: float, z: float, t: NDArray[np.float64], m: NDArray[np.float64]) -> float:
+    """Of a point from the triangle t (3, 3) with unit normal m."""
+    inside, nearest = True, np.inf
+    for k in range(3):
+        a, b = t[k], t[(k + 1) % 3]
+        ex, ey, ez = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        px, py, pz = x - a[0], y - a[1], z - a[2]
+        if (m[1] * ez - m[2] * ey) * px + (m[2] * ex - m[0] * ez) * py + (m[0] * ey - m[1] * ex) * pz < 0.0:
+            inside = False
+        along = (px * ex + py * ey + pz * ez) / max(ex * ex + ey * ey + ez * ez, 1e-30)
+        along = min(max(along, 0.0), 1.0)
+        dx, dy, dz = px - along * ex, py - along * ey, pz - along * ez
+        nearest = min(nearest, math.sqrt(dx * dx + dy * dy + dz * dz))
+    if inside:
+        return abs(m[0] * (x - t[0, 0]) + m[1] * (y - t[0, 1]) + m[2] * (z - t[0, 2]))
+    return nearest
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def _near_element(
+    point: NDArray[np.float64], normal: NDArray[np.float64], element: NDArray[np.int32], corner: NDArray[np.float64],
+    facing: NDArray[np.float64], start: NDArray[np.int64], order: NDArray[np.int64], first: NDArray[np.int64],
+    box: NDArray[np.float64], within: float, cosine: float,
+) -> NDArray[np.bool_]:
+    out = np.zeros(len(point), np.bool_)
+    around = within + ROUNDING_M
+    for i in prange(len(point)):
+        x, y, z = point[i]
+        nx, ny, nz = normal[i]
+        e = element[i]
+        for b in range(first[e], first[e + 1]):
+            if out[i] or (
+                x < box[b, 0] - around or y < box[b, 1] - around or z < box[b, 2] - around
+                or x > box[b, 3] + around or y > box[b, 4] + around or z > box[b, 5] + around
+            ):
+                continue
+            begin = start[e] + (b - first[e]) * BLOCK
+            for k in range(begin, min(begin + BLOCK, start[e + 1])):
+                t = order[k]
+                m = facing[t]
+                if m[0] * nx + m[1] * ny + m[2] * nz >= cosine and _distance(x, y, z, corner[t], m) <= within:
+                    out[i] = True
+                    break
+    return out
+
+
+def _blocks(
+    corner: NDArray[np.float64], center: NDArray[np.float64], start: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """(order, first, box): triangles (T,) element by element, neighbours together; each element's first block (E + 1,) of
+    ``BLOCK`` of them; and the blocks' boxes (B, 6), lowest and highest corner [m]."""
+    count = np.diff(start)
+    first = np.concatenate([[0], np.cumsum(-(-count // BLOCK))])
+    order = np.arange(len(corner))
+    for e in np.flatnonzero(count > BLOCK).tolist():
+        own = slice(int(start[e]), int(start[e + 1]))
+        order[own] = start[e] + np.argsort(_along_curve(center[own]), kind="stable")
+    block = np.repeat(first[:-1], count) + (np.arange(len(corner)) - np.repeat(start[:-1], count)) // BLOCK
+    box = np.empty((int(first[-1]), 6))
+    if len(block):
+        begin = np.flatnonzero(np.diff(block, prepend=-1))
+        box[:, :3] = np.minimum.reduceat(corner[order].min(axis=1), begin)
+        box[:, 3:] = np.maximum.reduceat(corner[order].max(axis=1), begin)
+    return order, first, box
+
+
+def _along_curve(place: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(N,) places along a curve through their box on which neighbours (N, 3) are close together (Morton)."""
+    low, high = place.min(axis=0), place.max(axis=0)
+    cell = ((place - low) / np.maximum((high - low).max(), 1e-9) * 1023).astype(np.int64)
+    number = np.zeros(len(place), np.int64)
+    for bit in range(10):
+        for axis in range(3):
+            number |= ((cell[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return number
 
 
 def plane_crossing(
@@ -79,6 +177,7 @@ class ElementSurfaces:
         self._center = self.corner.mean(axis=1)
         self._reach = np.linalg.norm(self.corner - self._center[:, None, :], axis=2).max(axis=1)
         self._start = model.triangle_start.astype(np.int64)
+        self._order, self._first, self._box = _blocks(self.corner, self._center, self._start)
 
     def face_at(
         self,
@@ -95,5 +194,16 @@ class ElementSurfaces:
         """
         return _on_element(
             np.ascontiguousarray(point), np.ascontiguousarray(normal), element, triangle, self.corner, self.normal,
-            self._center, (self._reach + depth) ** 2, self._start, depth, cosine,
+            self._center, (self._reach + depth) ** 2, self._start, self._order, self._first, self._box, depth, cosine,
         )
+
+    def near(
+        self, point: NDArray[np.float64], normal: NDArray[np.float64], element: NDArray[np.int32], within: float,
+        cosine: float = PARALLEL,
+    ) -> NDArray[np.bool_]:
+        """(N,) whether a face of ``element`` (N,), turned like ``normal`` (N, 3), is no farther than ``within`` metres from
+        point (N, 3), in any direction."""
+        return np.asarray(_near_element(
+            np.ascontiguousarray(point), np.ascontiguousarray(normal), element, self.corner, self.normal, self._start,
+            self._order, self._first, self._box, within, cosine,
+        ))

@@ -79,6 +79,8 @@ def test_a_place_that_voxels_do_not_tell_from_the_planned_one_is_judged_as_the_p
         at * area, 0 * area, beyond * area, 0 * area, (250 * at * area).astype(int), (250 * beyond * area).astype(int),
         *2 * ((0 * area).astype(int),),
     )
-    context = cast(Context, SimpleNamespace(thresholds=Thresholds(), window=0.0275))
-    found = _sight(house(), row, plan, best, 2.0, 0.0227, context, own, -1, cast(PlannedPlaces, cast(Any, None)))
+    context = cast(Context, SimpleNamespace(
+        thresholds=Thresholds(), window=0.0275, loa=30, sigma=0.0025, registration_sigma=0.001
+    ))
+    found = _sight(house(), row, plan, best, 2.0, 0.0227, context, own, own, -1, cast(PlannedPlaces, cast(Any, None)))
     assert found.seen == seen, found.reason

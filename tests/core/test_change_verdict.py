@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -42,8 +44,26 @@ def test_when_rays_pass_it_is_gone_but_not_when_they_are_less_than_a_tenth(passe
 
 
 def test_it_stands_in_part_only_when_it_does_so_whosever_the_shared_surface_is() -> None:
-    assert says(4.0, 0.5, 6.0, 40, 60) == "PART"
-    assert says(4.0, 3.0, 6.0, 40, 60) == "EITHER", "with what is shared it would stand"
+    assert says(4.0, 0.5, 6.0, 400, 600) == "PART"
+    assert says(4.0, 3.0, 6.0, 400, 600) == "EITHER", "with what is shared it would stand"
+
+
+@pytest.mark.parametrize("beams, expected", [(20, "EITHER"), (200, "PART")])
+def test_a_part_is_gone_when_enough_beams_show_that_less_than_half_of_it_is_there(beams: int, expected: str) -> None:
+    """Four tenths of what was seen of it, by area: beams lie closer together on some faces than on others."""
+    assert says(4.0, 0.0, 6.0, beams // 2, beams // 2) == expected
+    assert says(3.6, 0.4, 6.0, beams // 2 - 1, beams // 2, beams_either=1) == expected
+
+
+def test_beams_that_pass_where_it_may_stand_beside_do_not_show_that_it_or_a_part_is_gone() -> None:
+    areas = [np.array([a]) for a in (0.1, 0.0, 0.9, 0.0)]
+    own = OwnEvidence(*areas, *(np.array([n]) for n in (10, 90, 0, 0)))
+    part = dataclasses.replace(own, at=np.array([0.4]), beyond=np.array([0.6]), beams_at=np.array([40]))
+    for few, beside, expected in ((10, 0.1, "BESIDE"), (80, 0.9, None)):
+        clear = {"beams_through": np.array([few]), "beyond": np.array([beside])}
+        for whole, unless in ((own, "GONE"), (part, "PART")):
+            clear_of = dataclasses.replace(whole, **clear)
+            assert verdict(whole, 0, 0.5, (0.25, 0.5), Thresholds(), clear=clear_of) == (expected or unless)
 
 
 def test_little_of_it_in_view_does_not_show_that_it_or_a_part_is_gone() -> None:
