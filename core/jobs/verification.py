@@ -116,9 +116,9 @@ def _verify(
         context = _context(scenery, seen, options, record, blocks)
         seen = with_glass(scenery, seen, samples.triangle[seen.sample], context.see_through)
         watch.lap("evidence")
-        found = places(scenery, seen, context, progress.part(0.75, 1.0))
+        found = places(scenery, seen, context, progress.part(0.75, 0.98))
         if photo is None:  # the rays of photos have no width, and no returns around them
-            found = settled(scenery, found, context)
+            found = settled(scenery, found, context, progress.part(0.98, 1.0))
         evidence = fuse_samples(
             len(samples), found.seen, options.fusion, ZONE_SIGMAS * level_sigma(options.loa), context.registration_sigma,
             context.thresholds.conflict_cap, options.sigma, context.window,
