@@ -20,6 +20,8 @@ LEAST_RAYS = 6
 """With fewer unexplained returns around it there is nothing to find."""
 PLACES_AT_ONCE = 4000
 """So that memory does not follow the number of elements."""
+FINE_M = 0.1
+"""So far a slender element is looked for in small steps; farther away places are no more than for any other."""
 AS_GOOD = 0.75
 """Of places that explain this much of what the best one does, the nearest is the element's: balusters stand in rows."""
 
@@ -46,9 +48,8 @@ def search(
     least: dict[int, float] = {}
     for e in elements:
         axes = Axes.of(scenery, e)
-        steps = axes.steps(context.window)
-        least[e] = min([context.window, *steps.tolist()])
-        asked += [(e, shift) for shift in _shifts(axes, steps)]
+        least[e] = min([context.window, *axes.steps(context.window).tolist()])
+        asked += [(e, shift) for shift in _shifts(axes, context.window)]
         if len(asked) >= PLACES_AT_ONCE or e == elements[-1]:
             found |= _found(scenery, asked, least, context, progress)
             asked = []
@@ -70,8 +71,12 @@ def _found(
     return found
 
 
-def _shifts(axes: Axes, steps: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    return [
-        sign * (k + 1) * step * axis
-        for axis, step in zip(axes.directions, steps, strict=True) for k in range(int(SEARCH_M / step)) for sign in (1.0, -1.0)
-    ]
+def _shifts(axes: Axes, window: float) -> list[NDArray[np.float64]]:
+    """Places to try: close together up to ``FINE_M``, beyond that as far apart as puts any face within the window."""
+    shifts = []
+    for axis, step in zip(axes.directions, axes.steps(window), strict=True):
+        fine = np.arange(1, int(FINE_M / step) + 1) * step
+        rest = np.arange(1, int(SEARCH_M / (1.5 * window)) + 1) * 1.5 * window
+        for length in np.concatenate([fine, rest[rest > fine.max(initial=0.0)]]):
+            shifts += [length * axis, -length * axis]
+    return shifts
