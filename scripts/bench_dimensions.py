@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 PACKAGE = package()
 
-from bim_verify.core.dimensions.as_built import opening_shares  # noqa: E402
+from bim_verify.core.dimensions.openings import opening_shares  # noqa: E402
 from bim_verify.core.dimensions.table import Dimension  # noqa: E402
 from bim_verify.core.jobs import dimensions, verify  # noqa: E402
 from bim_verify.core.model.elements import BuildingModel  # noqa: E402

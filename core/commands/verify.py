@@ -37,7 +37,7 @@ def verify_options(values: Values) -> VerifyOptions:
 
 
 def _verify(values: Values, progress: Progress) -> Outcome:
-    from ..dimensions.as_built import opening_shares
+    from ..dimensions.openings import opening_shares
     from ..dimensions.table import dimensions_to_json, write_dimensions
     from ..jobs import dimensions as dimensions_of
     from ..jobs import verify

@@ -128,9 +128,9 @@ def choose(plan: Place, others: list[Place], context: Context) -> Place:
 
 def conclude(
     number: int, model: BuildingModel, samples: SurfaceSamples, rows: slice, evidence: SampleEvidence,
-    plan: Place, best: Place, context: Context,
+    plan: Place, best: Place, context: Context, beside: float = 0.0,
 ) -> ElementVerdict:
-    """The verdict on element ``number`` whose samples are ``rows``."""
+    """The verdict on element ``number`` whose samples are ``rows``; ``beside``: ``beside.beside_shares``."""
     t = context.thresholds
     element = model.elements[number]
     exposed = samples.exposed[rows]
@@ -149,7 +149,7 @@ def conclude(
                               seen_area, context)
     vector, sigma, length, significant = _test(best.fit, context)
     standing = standing_shares(element.ifc_class, model.transparent[samples.triangle[rows]], t)
-    status, reason = _status(plan, best, whole, seen_area, ratio[context.loa], length, bound, standing, context)
+    status, reason = _status(plan, best, whole, seen_area, ratio[context.loa], length, bound, standing, beside, context)
     near = np.abs(deviation[measured]) <= bound + 2.0 * context.registration_sigma
     near_share = area[measured][near].sum() / max(seen_area, float(area[measured].sum()), 1e-12)
     if not significant and _open(status, length if length is not None else 0.0, best is plan, near_share, bound, context):
@@ -263,7 +263,7 @@ def _test(
 
 def _status(
     plan: Place, best: Place, whole: float, seen_area: float, ratio: float, length: float | None, bound: float,
-    standing: tuple[float, float], context: Context,
+    standing: tuple[float, float], beside: float, context: Context,
 ) -> tuple[Status, str]:
     t = context.thresholds
     share = seen_area / max(whole, 1e-12)
@@ -285,6 +285,11 @@ def _status(
         return "PARTIAL", (
             f"Rays passed through {1 - plan.share:z.0%} of what was in view, "
             f"but that is only {share:.1%} of its exposed surface."
+        )
+    if plan.share <= absent_up_to and beside > absent_up_to:
+        return "PARTIAL", (
+            f"Rays passed through {1 - plan.share:z.0%} of what was in view, but something that no other element explains "
+            "stands within the tolerance beside it, and may be it: it is too slender to tell."
         )
     if plan.share <= absent_up_to:
         return "ABSENT", (

@@ -152,19 +152,27 @@ def own_evidence(
         np.bincount(element[of], weights=area[of], minlength=elements).astype(np.float64)
         for of in (at & ~unsure, unsure, beyond)
     )
-    telling = np.flatnonzero(at | beyond)
-    beam = _beam_of(seen, element, telling)
-    returned, sure, doubtful = np.unique(beam[at[telling]]), (at & ~unsure)[telling], unsure[telling]
-    between = split[at[split]]
-    row = telling[beyond[telling] & ~np.isin(beam, returned)]
-    inside = row[clearly_inside(seen.rows(row), samples, origins[row], surfaces, registration_sigma)]
+    rows = (
+        np.flatnonzero(at & ~unsure), passed_through(seen, samples, origins, surfaces, window, registration_sigma),
+        np.flatnonzero(unsure), split[at[split]],
+    )
     return OwnEvidence(
         found, shared, passed, _silent(seen, samples, window, at | beyond, elements),
-        _count_beams(element[telling[sure]], beam[sure], elements),
-        _count_beams(element[inside], _beam_of(seen, element, inside), elements),
-        _count_beams(element[telling[doubtful]], beam[doubtful], elements),
-        _count_beams(element[between], _beam_of(seen, element, between), elements),
+        *(_count_beams(element[row], _beam_of(seen, element, row), elements) for row in rows),
     )
+
+
+def passed_through(
+    seen: Sightings, samples: SurfaceSamples, origins: NDArray[np.float64], surfaces: ElementSurfaces, window: float,
+    registration_sigma: float,
+) -> NDArray[np.int64]:
+    """Rows of beams that clearly passed through their element, and returned from nowhere on it. Arguments: ``own_evidence``."""
+    state = seen.state(window)
+    telling = np.flatnonzero(seen.on_face & ((state == AT) | (state == BEYOND)))
+    element = samples.element[seen.sample].astype(np.int64)
+    beam, passed = _beam_of(seen, element, telling), state[telling] == BEYOND
+    row = telling[passed & ~np.isin(beam, beam[~passed])]
+    return row[clearly_inside(seen.rows(row), samples, origins[row], surfaces, registration_sigma)]
 
 
 def _silent(

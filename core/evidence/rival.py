@@ -12,8 +12,8 @@ import numpy as np
 from .decide import Context, Place, enough_seen
 from .left_place import PlannedPlaces
 from .own_evidence import shows_gone, shows_standing
-from .search import MOST_AXES
 from .sightings import SEARCH_M
+from .slender import MOST_AXES
 
 
 def fits_beyond_chance(share: float, rays: int, context: Context) -> bool:

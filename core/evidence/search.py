@@ -11,17 +11,19 @@ from numpy.typing import NDArray
 
 from ..progress import Progress
 from .decide import Context, Place, enough_seen
-from .hypotheses import face_groups
 from .probe import probe
 from .scenery import Scenery
 from .sightings import SEARCH_M, Sightings
+from .slender import Axes
 
 LEAST_RAYS = 6
 """With fewer unexplained returns around it there is nothing to find."""
-ELEMENTS_AT_ONCE = 100
+PLACES_AT_ONCE = 4000
 """So that memory does not follow the number of elements."""
-MOST_AXES = 3
-SAME_AXIS = 0.97
+FINE_M = 0.1
+"""So far a slender element is looked for in small steps; farther away places are no more than for any other."""
+AS_GOOD = 0.75
+"""Of places that explain this much of what the best one does, the nearest is the element's: balusters stand in rows."""
 
 
 def unsettled(plan: Place, seen: Sightings, context: Context) -> bool:
@@ -39,31 +41,42 @@ def search(
 ) -> dict[int, NDArray[np.float64]]:
     """For each of the ``elements``, the shift (3,) at which most of it is found, where it is found at all.
 
-    Within the window it would have been found at its plan.
+    Within the window it would have been found at its plan, unless it is so slender that it may stand beside its own outline.
     """
     found: dict[int, NDArray[np.float64]] = {}
-    for start in range(0, len(elements), ELEMENTS_AT_ONCE):
-        part = elements[start : start + ELEMENTS_AT_ONCE]
-        asked = [(e, shift) for e in part for shift in _steps(scenery, e, context.window)]
-        for e, tried in probe(scenery, asked, None, context, progress, coarse=True, searched=True).items():
-            good = [
-                p for p in tried
-                if p.share >= context.thresholds.present_share and np.linalg.norm(p.fit.vector) > context.window
-            ]
-            if good:
-                found[e] = max(good, key=lambda p: p.at).fit.vector
+    asked: list[tuple[int, NDArray[np.float64]]] = []
+    least: dict[int, float] = {}
+    for e in elements:
+        axes = Axes.of(scenery, e)
+        least[e] = min([context.window, *axes.steps(context.window).tolist()])
+        asked += [(e, shift) for shift in _shifts(axes, context.window)]
+        if len(asked) >= PLACES_AT_ONCE or e == elements[-1]:
+            found |= _found(scenery, asked, least, context, progress)
+            asked = []
     return found
 
 
-def _steps(scenery: Scenery, e: int, window: float) -> list[NDArray[np.float64]]:
-    """Shifts along the main axes of element ``e``'s faces, so close that one of them puts any face within the window."""
-    triangle = slice(*scenery.model.triangle_start[[e, e + 1]])
-    corner, normal = scenery.surfaces.corner[triangle], scenery.surfaces.normal[triangle]
-    area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
-    axes: list[NDArray[np.float64]] = []
-    for direction in face_groups(normal, area)[1]:
-        if all(abs(float(direction @ axis)) < SAME_AXIS for axis in axes):
-            axes.append(direction)
-    count = int(SEARCH_M / (1.5 * window))
-    lengths = [sign * (k + 1) * 1.5 * window for k in range(count) for sign in (1.0, -1.0)]
-    return [length * axis for axis in axes[:MOST_AXES] for length in lengths]
+def _found(
+    scenery: Scenery, asked: list[tuple[int, NDArray[np.float64]]], least: dict[int, float], context: Context,
+    progress: Progress,
+) -> dict[int, NDArray[np.float64]]:
+    found = {}
+    for e, tried in probe(scenery, asked, None, context, progress, coarse=True, searched=True).items():
+        good = [
+            p for p in tried if p.share >= context.thresholds.present_share and np.linalg.norm(p.fit.vector) > least[e]
+        ]
+        if good:
+            most = max(p.at for p in good)
+            found[e] = min((p.fit.vector for p in good if p.at >= AS_GOOD * most), key=lambda v: float(np.linalg.norm(v)))
+    return found
+
+
+def _shifts(axes: Axes, window: float) -> list[NDArray[np.float64]]:
+    """Places to try: close together up to ``FINE_M``, beyond that as far apart as puts any face within the window."""
+    shifts = []
+    for axis, step in zip(axes.directions, axes.steps(window), strict=True):
+        fine = np.arange(1, int(FINE_M / step) + 1) * step
+        rest = np.arange(1, int(SEARCH_M / (1.5 * window)) + 1) * 1.5 * window
+        for length in np.concatenate([fine, rest[rest > fine.max(initial=0.0)]]):
+            shifts += [length * axis, -length * axis]
+    return shifts

@@ -24,11 +24,10 @@ def dimensions(
     progress = progress or Progress()
     options = result.options
     if result.photos_only or not all(Path(path).exists() for path in result.scan_paths):
-        return as_built_dimensions(result, source)
+        return as_built_dimensions(result, source, progress=progress)
     with limited_threads(options.threads):
         scans = open_campaign(result.model, list(result.scan_paths), options)
         if options.align != "none":
             scans = TransformedSource(scans, result.alignment.transform)
         cloud = read_cloud(scans, options.memory_gb, progress.part(0.0, 0.5))
-        progress.update(0.5, "Measuring rooms and openings")
-        return as_built_dimensions(result, source, cloud)
+        return as_built_dimensions(result, source, cloud, progress.part(0.5, 1.0))

@@ -15,8 +15,8 @@ import pytest
 from shapely import box
 
 from bim_verify.cli import main
-from bim_verify.core.dimensions.as_built import opening_shares
 from bim_verify.core.dimensions.opening_edges import HoleOnFace
+from bim_verify.core.dimensions.openings import opening_shares
 from bim_verify.core.dimensions.regions import Region, read_regions
 from bim_verify.core.dimensions.table import HEADER, conformity, dimensions_to_json, width, write_dimensions
 from bim_verify.core.jobs import dimensions, verify
