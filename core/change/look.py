@@ -23,6 +23,7 @@ from ..evidence.gather import SensorModel
 from ..evidence.left_place import PlannedPlaces
 from ..evidence.overlap import ABSENT_OVERLAP, overlap
 from ..evidence.own_evidence import OwnEvidence, at_opposed, find_touching, own_evidence, shows_gone
+from ..evidence.passed_beside import passed_beside
 from ..evidence.rival import is_found, rival
 from ..evidence.scenery import Scenery, with_glass
 from ..evidence.shared_surface import find_shared
@@ -36,7 +37,6 @@ from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..sensing.loa import level_sigma, worst_voxel_shift
-from .beside import passed_beside
 from .found_place import nearer_places, without_neighbours
 from .unclear import split_beams, without_unclear
 from .verdict import verdict

@@ -3,33 +3,38 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..progress import Progress
+from .as_found import AsFound
 from .decide import Context
+from .passed_beside import passed_beside
 from .scenery import Scenery
-from .sightings import BEYOND
+from .sightings import BEYOND, Sightings
 from .slender import Axes
 from .verify import Findings
 
 
-def beside_shares(scenery: Scenery, found: Findings, context: Context) -> dict[int, float]:
-    """For slender elements that seem gone: of the beams that tell, the share that returned from close beside the planned place
-    from what no other element explains."""
-    first = np.searchsorted(found.seen.sample, found.samples.first_of(len(found.plans)))
-    shares = {}
-    for e, plan in enumerate(found.plans):
-        rows = found.seen.rows(slice(int(first[e]), int(first[e + 1])))
-        if found.best[e] is not plan or plan.share > context.thresholds.absent_share or not len(rows):
-            continue
-        axes = Axes.of(scenery, e)
-        if not axes.slender(context.window):
-            continue
-        offset = rows.point.astype(np.float64) - found.samples.position[rows.sample]
-        longest = axes.directions[int(axes.extent.argmax())]
-        offset -= (offset @ longest)[:, None] * longest
-        near = np.linalg.norm(offset, axis=1) <= context.window
-        element = found.samples.element[rows.sample]
-        free = near & ~scenery.explain(rows, near, element, None).explained
-        passed = np.unique(rows.ray_key(rows.on_face & (rows.state(context.window) == BEYOND)))
-        its = np.unique(rows.ray_key(free))
-        shares[e] = len(its) / max(len(np.union1d(its, passed)), 1)
-    return shares
+def shares_beside(scenery: Scenery, found: Findings, context: Context, progress: Progress) -> dict[int, float]:
+    """For slender elements that seem gone: of the beams that pass the planned place, the share that does so where something
+    that nothing planned explains stands beside it, within the window."""
+    gone = np.array([
+        found.best[e] is plan and plan.share <= context.thresholds.absent_share and Axes.of(scenery, e).slender(context.window)
+        for e, plan in enumerate(found.plans)
+    ], np.bool_)
+    if not gone.any():
+        return {}
+    seen, samples = found.seen, found.samples
+    as_found = AsFound.of(found, samples, context)
+    built = as_found.scene(scenery, found, context.window)
+    beside = passed_beside(scenery, seen, samples, as_found, built, context.window, frozenset(), gone, progress)
+    element = samples.element[seen.sample]
+    row = np.flatnonzero(gone[element] & seen.on_face & (seen.state(context.window) == BEYOND))
+    passed, aside = (_beams(seen, element, rows, len(gone)) for rows in (row, beside))
+    return {e: float(aside[e] / max(passed[e], 1)) for e in np.flatnonzero(gone).tolist()}
+
+
+def _beams(seen: Sightings, element: NDArray[np.int32], rows: NDArray[np.int64], elements: int) -> NDArray[np.int64]:
+    """(E,) different beams among ``rows`` of each element."""
+    key = np.column_stack([element[rows].astype(np.uint64), seen.ray_key(rows)])
+    return np.bincount(np.unique(key, axis=0)[:, 0].astype(np.int64), minlength=elements)

@@ -130,7 +130,7 @@ def conclude(
     number: int, model: BuildingModel, samples: SurfaceSamples, rows: slice, evidence: SampleEvidence,
     plan: Place, best: Place, context: Context, beside: float = 0.0,
 ) -> ElementVerdict:
-    """The verdict on element ``number`` whose samples are ``rows``; ``beside``: ``beside.beside_shares``."""
+    """The verdict on element ``number`` whose samples are ``rows``; ``beside``: ``beside.shares_beside``."""
     t = context.thresholds
     element = model.elements[number]
     exposed = samples.exposed[rows]
@@ -286,7 +286,7 @@ def _status(
             f"Rays passed through {1 - plan.share:z.0%} of what was in view, "
             f"but that is only {share:.1%} of its exposed surface."
         )
-    if plan.share <= absent_up_to and beside > absent_up_to:
+    if plan.share <= absent_up_to < plan.share + (1.0 - plan.share) * beside:
         return "PARTIAL", (
             f"Rays passed through {1 - plan.share:z.0%} of what was in view, but something that no other element explains "
             "stands within the tolerance beside it, and may be it: it is too slender to tell."

@@ -13,7 +13,7 @@ from ..alignment.align import align
 from ..alignment.transform import TransformedSource, whole_transform
 from ..errors import BimVerifyError
 from ..evidence import decide
-from ..evidence.beside import beside_shares
+from ..evidence.beside import shares_beside
 from ..evidence.collect import StationIndexes
 from ..evidence.decide import Context
 from ..evidence.error_model import estimate_errors
@@ -119,7 +119,7 @@ def _verify(
         watch.lap("evidence")
         found = places(scenery, seen, context, progress.part(0.75, 0.98))
         if photo is None:  # the rays of photos have no width, and no returns around them
-            found = settled(scenery, found, context, progress.part(0.98, 1.0))
+            found = settled(scenery, found, context, progress.part(0.98, 0.99))
         evidence = fuse_samples(
             len(samples), found.seen, options.fusion, ZONE_SIGMAS * level_sigma(options.loa), context.registration_sigma,
             context.thresholds.conflict_cap, options.sigma, context.window,
@@ -133,7 +133,7 @@ def _verify(
             dropped={k: int(v) for k, v in vars(source.dropped).items() if not k.startswith("_")},
             timings=watch.seconds, warnings=tuple(_warnings(scenery, context, options, place_sigma(blocks))),
         )
-        verdicts = tuple(_conclude(scenery, result, found, context))
+        verdicts = tuple(_conclude(scenery, result, found, context, progress.part(0.99, 1.0)))
         photos: tuple[ElementPhotos, ...] = ()
         if photo is not None:
             photos = photo_table(photo, found.seen, found.samples, verdicts, scenery.sensor, context.window)
@@ -182,9 +182,9 @@ def _far_away(model: BuildingModel, source: ScanSource) -> str:
 
 
 def _conclude(
-    scenery: Scenery, result: VerificationResult, found: Findings, context: Context
+    scenery: Scenery, result: VerificationResult, found: Findings, context: Context, progress: Progress
 ) -> Iterator[ElementVerdict]:
-    beside = beside_shares(scenery, found, context)
+    beside = shares_beside(scenery, found, context, progress)
     first = found.samples.first_of(len(found.plans))
     for e, (plan, place) in enumerate(zip(found.plans, found.best, strict=True)):
         rows = slice(int(first[e]), int(first[e + 1]))

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bim_verify.core.change.beside import _nearest_return
 from bim_verify.core.evidence.as_found import medians
+from bim_verify.core.evidence.passed_beside import _nearest_return
 from bim_verify.core.evidence.shared_surface import on_others
 from bim_verify.core.evidence.station_index import build_index
 from bim_verify.core.jobs import change

@@ -12,17 +12,17 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from ..evidence.as_found import AsFound
-from ..evidence.own_evidence import TOLD_APART_SIGMAS
-from ..evidence.scenery import Scenery
-from ..evidence.shared_surface import on_others
-from ..evidence.sightings import BEYOND, GRAZE, Sightings, hits_around
-from ..evidence.station_index import azimuth_half_width, azimuth_range, column_runs, place, row_range
 from ..model.parts import Parts
 from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..scans.store import in_sector
+from .as_found import AsFound
+from .own_evidence import TOLD_APART_SIGMAS
+from .scenery import Scenery
+from .shared_surface import on_others
+from .sightings import BEYOND, GRAZE, Sightings, hits_around
+from .station_index import azimuth_half_width, azimuth_range, column_runs, place, row_range
 
 
 def passed_beside(
