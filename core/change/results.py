@@ -63,7 +63,7 @@ class ElementChange:
 
 @dataclass(frozen=True)
 class Cluster:
-    """Connected new or gone voxels. Metres, model frame."""
+    """New or gone voxels of one planned element, or connected ones outside elements. Metres, model frame."""
 
     kind: Literal["NEW", "DISAPPEARED"]
     voxels: int
@@ -72,11 +72,11 @@ class Cluster:
     center: tuple[float, float, float]
     size: tuple[float, float, float]
     element: str
-    """GlobalId of the nearest element."""
+    """GlobalId of that element, or of the nearest one."""
     distance: float
     """To that element's box; 0 inside."""
     inside: bool
-    """Most of it lies in planned solids."""
+    """It is what is new or gone of that planned element."""
     persistence: Persistence
     """Whether it lasts, as far as the other epochs but the reference tell: see ``clusters.persistence``."""
     epochs: tuple[str, ...] = ()

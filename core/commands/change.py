@@ -93,9 +93,9 @@ def summary_lines(result: ChangeResult) -> list[str]:
         f"Gone {found['disappeared_volume']:.3f} m3, standing {found['built_volume']:.3f} m3, "
         f"summed over elements, in voxels of {1000 * result.edge:g} mm.",
     ]
-    new = [c for c in result.clusters if c.kind == "NEW"]
-    if new:
-        lines.append(f"{len(new)} groups of voxels are not in the model or the reference; the largest holds {new[0].voxels:,}.")
+    if new := [c for c in result.clusters if c.kind == "NEW" and not c.inside]:
+        neither = "neither in the model nor in the reference" if result.reference else "not in the model"
+        lines.append(f"Groups of voxels that are {neither}: {len(new)}; the largest holds {new[0].voxels:,}.")
     if any(p.act for p in result.planned):
         late = sum(e.progress in ("late", "not built", "should be gone") for e in result.elements)
         lines.append(f"Progress: {late} elements are late, not built or should be gone.")
