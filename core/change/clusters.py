@@ -115,12 +115,14 @@ def connected(index: NDArray[np.int64]) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class _Group:
-    """Voxels (N, 3) of one planned ``element``, or (-1) connected ones outside elements, next to ``owner`` (N,) (-1: none)."""
+    """Voxels (N, 3) of one planned element, or connected ones outside elements, next to ``owner`` (N,) (-1: none)."""
 
     kind: Kind
     index: NDArray[np.int64]
     owner: NDArray[np.int32]
-    element: int = -1
+    planned: int = 0
+    """Of an element: so many of them lie in its solid, not beside its faces."""
+    inside: bool = False
 
 
 def find_clusters(
@@ -141,7 +143,7 @@ def find_clusters(
         index, element = cloud.index[rows], cloud.element[rows]
         changed, in_part = (np.array([state == of for state in states], np.bool_) for of in (kind, "PARTIAL"))
         own = cloud.planned[rows] | ((element >= 0) & (changed | in_part)[element])
-        groups += _of_elements(kind, index[own], element[own], changed)
+        groups += _of_elements(kind, index[own], element[own], cloud.planned[rows][own], changed)
         groups += _outside(kind, index[~own], element[~own])
     index = _came_and_went(world, [o for _, o in epochs], reference)
     groups += _outside("DISAPPEARED", index, np.full(len(index), -1, np.int32))
@@ -152,17 +154,16 @@ def find_clusters(
 
 
 def _of_elements(
-    kind: Kind, index: NDArray[np.int64], element: NDArray[np.int32], changed: NDArray[np.bool_]
+    kind: Kind, index: NDArray[np.int64], element: NDArray[np.int32], planned: NDArray[np.bool_], changed: NDArray[np.bool_]
 ) -> Iterator[_Group]:
-    """Voxels (N, 3) by their ``element`` (N,): all of one that ``changed`` (E,) as a whole, of others those in pieces that are
-    large enough."""
+    """Voxels (N, 3), ``planned`` (N,) or beside a face, by their ``element`` (N,): all of one that ``changed`` (E,) as a whole,
+    of others those in pieces that are large enough."""
     order = np.argsort(element, kind="stable")
     for rows in np.split(order, np.flatnonzero(np.diff(element[order])) + 1) if len(order) else ():
-        who = int(element[rows[0]])
-        if not changed[who]:
+        if not changed[element[rows[0]]]:
             rows = np.concatenate([rows[:0], *(rows[piece] for piece in _pieces(index[rows]))])
         if len(rows) >= LEAST_VOXELS:
-            yield _Group(kind, index[rows], element[rows], who)
+            yield _Group(kind, index[rows], element[rows], int(planned[rows].sum()), inside=True)
 
 
 def _outside(kind: Kind, index: NDArray[np.int64], owner: NDArray[np.int32]) -> Iterator[_Group]:
@@ -201,7 +202,7 @@ def _describe(
     low = grid.centers(index.min(axis=0)) - grid.edge / 2
     high = grid.centers(index.max(axis=0)) + grid.edge / 2
     middle = (low + high) / 2
-    inside = group.element >= 0
+    inside = group.inside
     if (owner >= 0).mean() > 0.5:
         nearest = int(np.bincount(owner[owner >= 0]).argmax())
         distance = 0.0
@@ -219,8 +220,9 @@ def _describe(
     if reference is not None and np.subtract(*_shares(index, reference)) > 0:
         names.insert(0, "reference")
     size = high - low
+    volume = (group.planned if inside else len(index)) * grid.edge**3
     return Cluster(
-        group.kind, len(index), len(index) * grid.edge**3, (float(center[0]), float(center[1]), float(center[2])),
+        group.kind, len(index), volume, (float(center[0]), float(center[1]), float(center[2])),
         (float(size[0]), float(size[1]), float(size[2])), model.elements[nearest].global_id, distance, inside,
         persistence(group.kind, inside, answers), tuple(names),
     )

@@ -152,3 +152,5 @@ def test_what_is_new_beside_a_face_is_of_an_element_that_is_new(state: State, gr
     element = np.where(THING | cube(68), 0, -1)
     found, _ = clusters(epoch(THING, cube(68)), reference=NONE, planned=THING, element=element, states={0: state})
     assert sorted((c.inside, c.voxels) for c in found) == sorted(groups)
+    volumes = [c.volume for c in found]
+    assert volumes == pytest.approx([64 * 0.05**3] * len(found)), "what lies beside the solid is no volume of it"
