@@ -126,12 +126,13 @@ class _Group:
 
 
 def find_clusters(
-    model: BuildingModel, world: Universe, cloud: VoxelCloud, states: Sequence[State],
+    model: BuildingModel, world: Universe, cloud: VoxelCloud, states: Sequence[State], held: NDArray[np.float64],
     epochs: Sequence[tuple[str, Observation]], reference: Observation | None = None, most: int = MOST_CLUSTERS,
 ) -> tuple[tuple[Cluster, ...], int]:
     """Clusters of new and of gone voxels, largest first, and how many smaller ones are left out.
 
     states : of the elements, in the comparison that ``cloud`` shows.
+    held : (E,) m3 of each element's solid that one of its voxels stands for.
     epochs : name and observation of all epochs but the reference, in order of time; the last is the one of ``cloud``.
 
     Beside what is new or gone in ``cloud``, these are things that only an earlier epoch saw: outside elements, not there in the
@@ -149,7 +150,7 @@ def find_clusters(
     groups += _outside("DISAPPEARED", index, np.full(len(index), -1, np.int32))
     groups.sort(key=lambda g: (-len(g.index), g.index.min(axis=0).tolist(), g.index[0].tolist(), g.kind))
     boxes = np.stack(list(model.element_bounds), axis=1)
-    found = tuple(_describe(g, model, world.grid, boxes, epochs, reference) for g in groups[:most])
+    found = tuple(_describe(g, model, world.grid, boxes, held, epochs, reference) for g in groups[:most])
     return found, max(len(groups) - most, 0)
 
 
@@ -195,7 +196,7 @@ def _came_and_went(
 
 
 def _describe(
-    group: _Group, model: BuildingModel, grid: VoxelGrid, boxes: NDArray[np.float64],
+    group: _Group, model: BuildingModel, grid: VoxelGrid, boxes: NDArray[np.float64], held: NDArray[np.float64],
     epochs: Sequence[tuple[str, Observation]], reference: Observation | None,
 ) -> Cluster:
     index, owner = group.index, group.owner
@@ -220,7 +221,7 @@ def _describe(
     if reference is not None and np.subtract(*_shares(index, reference)) > 0:
         names.insert(0, "reference")
     size = high - low
-    volume = (group.planned if inside else len(index)) * grid.edge**3
+    volume = group.planned * float(held[nearest]) if inside else len(index) * grid.edge**3
     return Cluster(
         group.kind, len(index), volume, (float(center[0]), float(center[1]), float(center[2])),
         (float(size[0]), float(size[1]), float(size[2])), model.elements[nearest].global_id, distance, inside,

@@ -141,7 +141,7 @@ def look_at_elements(
         found.samples.element, weights=found.samples.area * found.samples.exposed, minlength=len(model.elements)
     )
     shared = find_shared(model, found.samples, surfaces, parts)
-    body = bodies(shared, exposed)
+    body = bodies(shared, exposed.astype(np.float64))
     twins, shared = twins_of(body), shared.between(body)
     one_body = parts | frozenset(pair for group in twins for pair in permutations(group, 2))
     origins = scenery.origins(found.seen)

@@ -68,7 +68,7 @@ class Cluster:
     kind: Literal["NEW", "DISAPPEARED"]
     voxels: int
     volume: float
-    """m3 of its voxels, of an element of those in its solid: of a new object only those that beams met are known."""
+    """m3: of the element's solid, the part that these voxels are; else of the voxels: only those that beams met are known."""
     center: tuple[float, float, float]
     size: tuple[float, float, float]
     element: str

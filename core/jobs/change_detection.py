@@ -187,7 +187,7 @@ def _compare(
         if v is now or not (v.sight.place_open or now.sight.place_open)
     ]
     clusters, left_out = find_clusters(
-        model, world, cloud, [e.state for e in elements], telling, seen[0] if has_reference else None
+        model, world, cloud, [e.state for e in elements], solids.held, telling, seen[0] if has_reference else None
     )
     anchor = solids.grid.anchor + model.origin
     records = [

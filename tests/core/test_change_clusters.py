@@ -49,7 +49,8 @@ def clusters(
     world = Universe(GRID, TABLE, element, none, planned, np.ones(SHAPE, np.bool_))
     nothing, everything = np.zeros(SHAPE, np.bool_), np.ones(SHAPE, np.bool_)
     cloud = voxel_cloud(world, compare(world, epochs[-1], reference), everything, nothing)
-    return find_clusters(MODEL, world, cloud, of, [(f"epoch {n + 1}", e) for n, e in enumerate(epochs)], reference, most)
+    held = np.full(len(of), 0.05**3)
+    return find_clusters(MODEL, world, cloud, of, held, [(f"epoch {n + 1}", e) for n, e in enumerate(epochs)], reference, most)
 
 
 THING, OTHER = cube(64), cube(80)
