@@ -120,19 +120,23 @@ def _add(parser: argparse.ArgumentParser, argument: Argument) -> None:
 
 
 class _interruptible:
-    """The first Ctrl-C asks the job to stop at its next step; a second one stops it where it is."""
+    """The first Ctrl-C, or SIGTERM, asks the job to stop at its next step; a second one stops it where it is.
+
+    So nothing temporary is left by a limit of time or a shutdown either.
+    """
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
-        self._before: Any = None
+        self._before: dict[int, Any] = {}
 
     def __enter__(self) -> None:
         if threading.current_thread() is threading.main_thread():
-            self._before = signal.signal(signal.SIGINT, self._stop)
+            self._before = {sent: signal.signal(sent, self._stop) for sent in (signal.SIGINT, signal.SIGTERM)}
 
     def __exit__(self, *_: object) -> None:
-        if self._before is not None:
-            signal.signal(signal.SIGINT, self._before)
+        for sent, before in self._before.items():
+            if before is not None:  # it was not set by Python
+                signal.signal(sent, before)
 
     def _stop(self, *_: object) -> None:
         if self._progress.cancel.is_set():

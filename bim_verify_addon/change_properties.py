@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import CollectionProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..core.options import MOST_MIN_POINTS, ChangeOptions
+from ..core.options import MOST_MIN_POINTS, MOST_VOXEL_M, ChangeOptions
 from .shared_settings import LOA_ITEMS, KnownRegistration
 
 DEFAULTS = ChangeOptions()
@@ -46,7 +46,8 @@ class BimVerifyChangeSettings(KnownRegistration, bpy.types.PropertyGroup):
         description="Level of accuracy that the result is wanted for: warns when voxels cannot support it",
     )
     voxel_mm: FloatProperty(
-        name="Voxel (mm)", default=1000 * DEFAULTS.voxel, min=1, soft_max=200, precision=0,
+        name="Voxel (mm)", default=1000 * DEFAULTS.voxel, min=1, max=1000 * MOST_VOXEL_M, soft_max=200,
+        precision=0,
         description="Edge of a voxel, millimetres",
     )
     min_points: IntProperty(

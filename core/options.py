@@ -49,6 +49,7 @@ class VerifyOptions(InputOptions):
     seed: int = 0
 
 
+MOST_VOXEL_M = 1.0
 MOST_MIN_POINTS = 1000
 
 
@@ -57,7 +58,8 @@ class ChangeOptions(InputOptions):
     """Options of ``jobs.change``. Lengths in metres."""
 
     voxel: float = 0.01
-    """Edge of a voxel, metres; doubled as often as it takes when the model's solids do not fit into the memory."""
+    """Edge of a voxel, metres, at most MOST_VOXEL_M; doubled as often as it takes when the model's solids do not fit into the
+    memory."""
     min_points: int = 3
     """Returns that make a voxel occupied, 1 to MOST_MIN_POINTS; fewer do where a surface would send fewer back."""
     loa: int | None = None

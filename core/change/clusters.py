@@ -1,4 +1,8 @@
-"""Connected new and gone voxels: what appeared, what vanished, how large, where, next to which element."""
+"""New and gone voxels in groups: what appeared, what vanished, how large, where, of or next to which element.
+
+What is new or gone of one planned element is one group: where rays are sparse, what they show of a removed slab is in pieces.
+Outside elements, voxels that hang together are one group.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +18,7 @@ from ..model.elements import BuildingModel
 from ..occupancy.bricks import BrickTable
 from ..occupancy.epoch import EMPTY, NEAR, OCCUPIED, Observation
 from ..occupancy.grid import CELLS, VoxelGrid, keys_of, voxel_index
-from .results import DISAPPEARED, NEW, Cluster, Persistence
+from .results import DISAPPEARED, NEW, Cluster, Persistence, State
 from .voxels import Universe, VoxelCloud
 
 LEAST_VOXELS = 27
@@ -111,20 +115,24 @@ def connected(index: NDArray[np.int64]) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class _Group:
-    """Connected voxels (N, 3), the element of each (-1: none), and whether they are planned."""
+    """Voxels (N, 3) of one planned element, or connected ones outside elements, next to ``owner`` (N,) (-1: none)."""
 
     kind: Kind
     index: NDArray[np.int64]
     owner: NDArray[np.int32]
-    planned: NDArray[np.bool_]
+    planned: int = 0
+    """Of an element: so many of them lie in its solid, not beside its faces."""
+    inside: bool = False
 
 
 def find_clusters(
-    model: BuildingModel, world: Universe, cloud: VoxelCloud, epochs: Sequence[tuple[str, Observation]],
-    reference: Observation | None = None, most: int = MOST_CLUSTERS,
+    model: BuildingModel, world: Universe, cloud: VoxelCloud, states: Sequence[State], held: NDArray[np.float64],
+    epochs: Sequence[tuple[str, Observation]], reference: Observation | None = None, most: int = MOST_CLUSTERS,
 ) -> tuple[tuple[Cluster, ...], int]:
     """Clusters of new and of gone voxels, largest first, and how many smaller ones are left out.
 
+    states : of the elements, in the comparison that ``cloud`` shows.
+    held : (E,) m3 of each element's solid that one of its voxels stands for.
     epochs : name and observation of all epochs but the reference, in order of time; the last is the one of ``cloud``.
 
     Beside what is new or gone in ``cloud``, these are things that only an earlier epoch saw: outside elements, not there in the
@@ -133,29 +141,44 @@ def find_clusters(
     groups: list[_Group] = []
     for kind, code in KINDS:
         rows = np.flatnonzero(cloud.state == code)
-        groups += _split(kind, cloud.index[rows], cloud.element[rows], cloud.planned[rows])
+        index, element = cloud.index[rows], cloud.element[rows]
+        changed, in_part = (np.array([state == of for state in states], np.bool_) for of in (kind, "PARTIAL"))
+        own = cloud.planned[rows] | ((element >= 0) & (changed | in_part)[element])
+        groups += _of_elements(kind, index[own], element[own], cloud.planned[rows][own], changed)
+        groups += _outside(kind, index[~own], element[~own])
     index = _came_and_went(world, [o for _, o in epochs], reference)
-    groups += _split("DISAPPEARED", index, np.full(len(index), -1, np.int32), np.zeros(len(index), np.bool_))
+    groups += _outside("DISAPPEARED", index, np.full(len(index), -1, np.int32))
     groups.sort(key=lambda g: (-len(g.index), g.index.min(axis=0).tolist(), g.index[0].tolist(), g.kind))
     boxes = np.stack(list(model.element_bounds), axis=1)
-    found = tuple(_describe(g, model, world.grid, boxes, epochs, reference) for g in groups[:most])
+    found = tuple(_describe(g, model, world.grid, boxes, held, epochs, reference) for g in groups[:most])
     return found, max(len(groups) - most, 0)
 
 
-def _split(
-    kind: Kind, index: NDArray[np.int64], owner: NDArray[np.int32], planned: NDArray[np.bool_]
+def _of_elements(
+    kind: Kind, index: NDArray[np.int64], element: NDArray[np.int32], planned: NDArray[np.bool_], changed: NDArray[np.bool_]
 ) -> Iterator[_Group]:
+    """Voxels (N, 3), ``planned`` (N,) or beside a face, by their ``element`` (N,): all of one that ``changed`` (E,) as a whole,
+    of others those in pieces that are large enough."""
+    order = np.argsort(element, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(element[order])) + 1) if len(order) else ():
+        if not changed[element[rows[0]]]:
+            rows = np.concatenate([rows[:0], *(rows[piece] for piece in _pieces(index[rows]))])
+        if len(rows) >= LEAST_VOXELS:
+            yield _Group(kind, index[rows], element[rows], int(planned[rows].sum()), inside=True)
+
+
+def _outside(kind: Kind, index: NDArray[np.int64], owner: NDArray[np.int32]) -> Iterator[_Group]:
     """The connected groups of voxels (N, 3) that are large enough."""
-    if not len(index):
-        return
+    for piece in _pieces(index):
+        yield _Group(kind, index[piece], owner[piece])
+
+
+def _pieces(index: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Rows of the connected voxels (N, 3) of each piece that is large enough."""
     group = connected(index)
     order = np.argsort(group, kind="stable")
-    first = np.flatnonzero(np.diff(group[order], prepend=-1))
-    count = np.diff(first, append=len(order))
-    large = count >= LEAST_VOXELS
-    for begin, n in zip(first[large], count[large], strict=True):
-        rows = order[begin : begin + n]
-        yield _Group(kind, index[rows], owner[rows], planned[rows])
+    pieces = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
+    return [piece for piece in pieces if len(piece) >= LEAST_VOXELS]
 
 
 def _came_and_went(
@@ -173,14 +196,14 @@ def _came_and_went(
 
 
 def _describe(
-    group: _Group, model: BuildingModel, grid: VoxelGrid, boxes: NDArray[np.float64],
+    group: _Group, model: BuildingModel, grid: VoxelGrid, boxes: NDArray[np.float64], held: NDArray[np.float64],
     epochs: Sequence[tuple[str, Observation]], reference: Observation | None,
 ) -> Cluster:
     index, owner = group.index, group.owner
     low = grid.centers(index.min(axis=0)) - grid.edge / 2
     high = grid.centers(index.max(axis=0)) + grid.edge / 2
     middle = (low + high) / 2
-    inside = bool(group.planned.mean() > 0.5)
+    inside = group.inside
     if (owner >= 0).mean() > 0.5:
         nearest = int(np.bincount(owner[owner >= 0]).argmax())
         distance = 0.0
@@ -198,8 +221,9 @@ def _describe(
     if reference is not None and np.subtract(*_shares(index, reference)) > 0:
         names.insert(0, "reference")
     size = high - low
+    volume = group.planned * float(held[nearest]) if inside else len(index) * grid.edge**3
     return Cluster(
-        group.kind, len(index), len(index) * grid.edge**3, (float(center[0]), float(center[1]), float(center[2])),
+        group.kind, len(index), volume, (float(center[0]), float(center[1]), float(center[2])),
         (float(size[0]), float(size[1]), float(size[2])), model.elements[nearest].global_id, distance, inside,
         persistence(group.kind, inside, answers), tuple(names),
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import permutations
 from typing import Literal
 
 import numpy as np
@@ -38,6 +39,7 @@ from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..sensing.loa import level_sigma, worst_voxel_shift
 from .found_place import nearer_places, without_neighbours
+from .twins import bodies, decided_together, may_be_either, twins_of
 from .unclear import split_beams, without_unclear
 from .verdict import verdict
 
@@ -139,11 +141,14 @@ def look_at_elements(
         found.samples.element, weights=found.samples.area * found.samples.exposed, minlength=len(model.elements)
     )
     shared = find_shared(model, found.samples, surfaces, parts)
+    body = bodies(shared, exposed.astype(np.float64))
+    twins, shared = twins_of(body), shared.between(body)
+    one_body = parts | frozenset(pair for group in twins for pair in permutations(group, 2))
     origins = scenery.origins(found.seen)
     at, opposed = at_opposed(found.seen, found.samples, window, len(model.elements))
-    touching = find_touching(found.seen, at, opposed, model, found.samples, origins, surfaces, as_found, sigma, parts)
+    touching = find_touching(found.seen, at, opposed, model, found.samples, origins, surfaces, as_found, sigma, one_body)
     at &= opposed  # else there is nothing to explain
-    split = split_beams(found.seen, at, found.samples, origins, scene, sigma, registration_sigma, parts)
+    split = split_beams(found.seen, at, found.samples, origins, scene, sigma, registration_sigma, one_body)
     turned = find_turned(found.seen, found.samples, surfaces, stations, sensor_model(sigma), window, at)
     planned = PlannedPlaces.of(
         found.seen, origins, found.samples, scene, surfaces, window, registration_sigma, len(model.elements)
@@ -168,14 +173,14 @@ def look_at_elements(
         if beside is None:
             passed = np.array([shows_gone(0, int(through), thresholds.present_share) for through in own.beams_through])
             beside = passed_beside(
-                scenery, told, found.samples, as_found, built, window, parts, passed, progress.part(0.95, 1.0)
+                scenery, told, found.samples, as_found, built, window, one_body, passed, progress.part(0.95, 1.0)
             )
         clear = own_evidence(told.beside(beside), *asked)
-        elements = tuple(
+        elements = decided_together(model, twins, [
             _sight(model, row, plan, best, float(exposed[row]), tolerance, context, own, clear,
                    shared.main_partner(row, known_gone), planned)
             for row, (plan, best) in enumerate(zip(found.plans, best_places, strict=True))
-        )
+        ])
         known_gone = np.array([e.seen in ("GONE", "MOVED") for e in elements])
     return EpochSight(elements, registration_sigma, context.see_through, tolerance, place_open)
 
@@ -239,10 +244,7 @@ def _sight(
         )
         return sight("UNSEEN", aside, where=False)
     if says == "EITHER" and partner >= 0:
-        other = model.elements[partner]
-        name = f"{other.ifc_class} {other.name}".strip()
-        either = f"What was found of its surface is also that of {name} ({other.global_id}): it may be either."
-        return sight("UNSEEN", either, where=False)
+        return sight("UNSEEN", may_be_either(model, partner), where=False)
     beams = f"{at} beams return from it and {through} clearly pass through it"
     if says == "EITHER":
         return sight("UNSEEN", f"{beams}: too much of the rest may have come from what touches it.", where=False)

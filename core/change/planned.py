@@ -20,12 +20,17 @@ UPKEEP = (
 )
 """Types of tasks that neither make an element nor take it away: they say nothing of when it stands."""
 STATUS_ACT: dict[str, Act] = {"NEW": "build", "EXISTING": "", "DEMOLISH": "demolish", "TEMPORARY": ""}
-PHASE_SETS = ("phas", "fase")
-"""Names of property sets and properties are in the language of the program that wrote them: English, German, Dutch, French."""
+PHASE_WORD = re.compile(r"^(phas|fase)|(?<!^em)(phas(e|en|es)|fase[ns]?)$")
+"""Names of property sets and properties are in the language of the program that wrote them: English, German, Dutch, French.
+Words may be joined (Bauphase, bouwfase), but an emphasis is no phase."""
+CAPITAL = re.compile(r"(?<=[a-z])(?=[A-Z])")
+"""Where words are joined with capitals (RenovationAndPhasing)."""
 GONE = ("demol", "abbruch", "abgebrochen", "abriss", "abgerissen", "sloop", "gesloopt", "removed")
 """How words of a demolition begin, without accents."""
 BUILT = ("newbuild", "neubau", "nieuwbouw")
 BUILT_WORDS = ("new", "neu", "nieuw", "nouveau", "nouvelle")
+OPEN = re.compile(r"\s*<.*>\s*$")
+"""A value that stands for several, or for none: <varies>."""
 NOT = ("no", "none", "not", "kein", "keine", "keiner", "nicht", "geen", "niet", "aucun", "aucune", "non", "pas")
 
 
@@ -49,6 +54,11 @@ class Planned:
     @property
     def dated(self) -> bool:
         return self.start is not None or self.finish is not None
+
+    @property
+    def exists(self) -> bool:
+        """Whether the model says that the element stands, and is to be left as it is."""
+        return self.source == "status" and not self.act and not self.temporary
 
     @property
     def begin(self) -> date:
@@ -146,7 +156,7 @@ def _stages(tasks: list[Planned]) -> tuple[Planned, ...]:
 def _stated(sets: dict[str, dict[str, Any]]) -> Planned:
     """What the phase says, else the status in the common property set."""
     for name, properties in sets.items():
-        if any(part in name.lower() for part in PHASE_SETS) and (act := _phase_act(properties)):
+        if any(PHASE_WORD.search(word) for word in _words(CAPITAL.sub(" ", name))) and (act := _phase_act(properties)):
             return Planned(act, source="phase")
     for name, properties in sets.items():
         if name.startswith("Pset_") and name.endswith("Common") and properties.get("Status"):
@@ -160,7 +170,9 @@ def _stated(sets: dict[str, dict[str, Any]]) -> Planned:
 
 def _phase_act(properties: dict[str, Any]) -> Act:
     """What the phases in a property set make of an element: nothing where they name none, or in words that are not known."""
-    stated = [(_words(name), _words(str(value))) for name, value in properties.items() if value]
+    stated = [
+        (_words(name), _words(str(value))) for name, value in properties.items() if value and not OPEN.match(str(value))
+    ]
     stated = [(name, value) for name, value in stated if value and value[0] not in NOT]
     if any(word.startswith(GONE) for name, value in stated for word in (*name, *value)):
         return "demolish"

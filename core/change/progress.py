@@ -49,6 +49,8 @@ def judge(plan: Planned, expected: State, found: State) -> tuple[Progressing, bo
         return ("on time", True) if gone else ("early", False)
     if stands:
         return "on time", True
+    if plan.exists:
+        return "early", False  # it was there, and nothing is to be done with it
     return ("late" if plan.dated else "not built"), False
 
 

@@ -63,20 +63,20 @@ class ElementChange:
 
 @dataclass(frozen=True)
 class Cluster:
-    """Connected new or gone voxels. Metres, model frame."""
+    """New or gone voxels of one planned element, or connected ones outside elements. Metres, model frame."""
 
     kind: Literal["NEW", "DISAPPEARED"]
     voxels: int
     volume: float
-    """m3 of its voxels: of a new object only those that beams met are known."""
+    """m3: of the element's solid, the part that these voxels are; else of the voxels: only those that beams met are known."""
     center: tuple[float, float, float]
     size: tuple[float, float, float]
     element: str
-    """GlobalId of the nearest element."""
+    """GlobalId of that element, or of the nearest one."""
     distance: float
     """To that element's box; 0 inside."""
     inside: bool
-    """Most of it lies in planned solids."""
+    """It is what is new or gone of that planned element."""
     persistence: Persistence
     """Whether it lasts, as far as the other epochs but the reference tell: see ``clusters.persistence``."""
     epochs: tuple[str, ...] = ()

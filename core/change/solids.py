@@ -46,6 +46,11 @@ class SolidVoxels:
     volume: NDArray[np.float64]
     """(E,) m3 of the solid itself, from its triangles; 0 for an open surface."""
 
+    @property
+    def held(self) -> NDArray[np.float64]:
+        """(E,) m3 of the solid that one of its voxels stands for; of an open surface, the voxel."""
+        return np.where(self.volume > 0, self.volume / np.maximum(self.count, 1), self.grid.edge**3)
+
 
 def fitting_edge(model: BuildingModel, edge: float, memory_gb: float) -> float:
     """The smallest of edge, 2 edge, 4 edge ... whose voxels of the whole model fit into ``memory_gb``."""

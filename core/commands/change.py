@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..change.results import STATES, ChangeResult
 from ..errors import BimVerifyError
-from ..options import MOST_MIN_POINTS, ChangeOptions
+from ..options import MOST_MIN_POINTS, MOST_VOXEL_M, ChangeOptions
 from ..progress import Progress
 from .checks import (
     check_folder,
@@ -28,8 +28,9 @@ def change_options(values: Values) -> ChangeOptions:
 
     larger_than_zero(values, "voxel_mm", "sigma_mm")
     zero_or_more(values, "registration_sigma_mm")
-    if not 1 <= values["voxel_mm"] <= 1000:
-        raise BimVerifyError(f"--voxel-mm must be 1 to 1000 millimetres, not {values['voxel_mm']:g}.")
+    most_mm = 1000 * MOST_VOXEL_M
+    if not 1 <= values["voxel_mm"] <= most_mm:
+        raise BimVerifyError(f"--voxel-mm must be 1 to {most_mm:g} millimetres, not {values['voxel_mm']:g}.")
     if not 1 <= values["min_points"] <= MOST_MIN_POINTS:
         raise BimVerifyError(f"--min-points must be 1 to {MOST_MIN_POINTS}, not {values['min_points']}.")
     registration = values["registration_sigma_mm"]
@@ -93,12 +94,13 @@ def summary_lines(result: ChangeResult) -> list[str]:
         f"Gone {found['disappeared_volume']:.3f} m3, standing {found['built_volume']:.3f} m3, "
         f"summed over elements, in voxels of {1000 * result.edge:g} mm.",
     ]
-    new = [c for c in result.clusters if c.kind == "NEW"]
-    if new:
-        lines.append(f"{len(new)} groups of voxels are not in the model or the reference; the largest holds {new[0].voxels:,}.")
+    if new := [c for c in result.clusters if c.kind == "NEW" and not c.inside]:
+        neither = "neither in the model nor in the reference" if result.reference else "not in the model"
+        lines.append(f"Groups of voxels that are {neither}: {len(new)}; the largest holds {new[0].voxels:,}.")
     if any(p.act for p in result.planned):
         late = sum(e.progress in ("late", "not built", "should be gone") for e in result.elements)
-        lines.append(f"Progress: {late} elements are late, not built or should be gone.")
+        early = sum(e.progress == "early" for e in result.elements)
+        lines.append(f"Progress: {late} elements are late, not built or should be gone, {early} early.")
     lines += [f"Note: {warning}" for warning in result.warnings[:5]]
     return lines
 

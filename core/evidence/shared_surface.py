@@ -42,6 +42,11 @@ class SharedSurface:
         doubt[self.sample[~gone[self.partner]]] = True
         return doubt
 
+    def between(self, body: NDArray[np.int64]) -> SharedSurface:
+        """Those between elements of which each has another ``body`` (E,)."""
+        keep = body[self.element] != body[self.partner]
+        return SharedSurface(self.sample[keep], self.element[keep], self.partner[keep], self.area[keep])
+
     def main_partner(self, row: int, gone: NDArray[np.bool_]) -> int:
         """The element, not known to be ``gone`` (E,), that has most of the open surface of ``row``; -1 where there is none."""
         of = (self.element == row) & ~gone[self.partner]

@@ -186,7 +186,9 @@ def _compare(
         (v.name, o) for v, o in list(zip(views, seen, strict=True))[int(has_reference) :]
         if v is now or not (v.sight.place_open or now.sight.place_open)
     ]
-    clusters, left_out = find_clusters(model, world, cloud, telling, seen[0] if has_reference else None)
+    clusters, left_out = find_clusters(
+        model, world, cloud, [e.state for e in elements], solids.held, telling, seen[0] if has_reference else None
+    )
     anchor = solids.grid.anchor + model.origin
     records = [
         replace(_record(model, v), states=tuple(e.state for e in found), progress=groups)

@@ -6,7 +6,7 @@ import base64
 from pathlib import Path
 from typing import Any
 
-from ..change.results import PROGRESS, STATES, ChangeResult, EpochRecord, State
+from ..change.results import PROGRESS, STATES, ChangeResult, EpochRecord, GroupProgress, State
 from ..files import make_folder, whole_file
 from ..progress import Progress
 from ..sensing.loa import label, supported_level, worst_voxel_shift
@@ -79,9 +79,9 @@ def render_change_page(result: ChangeResult) -> str:
     )
 
 
-def _progress_series(series: list[EpochRecord]) -> list[tuple[str, str, list[float | None]]]:
-    """Kind, name and share that is complete at each epoch, of every group."""
-    known = [{(g.kind, g.name): g.complete for g in epoch.progress} for epoch in series]
+def _progress_series(series: list[EpochRecord]) -> list[tuple[str, str, list[GroupProgress | None]]]:
+    """Kind, name and progress at each epoch, of every group."""
+    known = [{(g.kind, g.name): g for g in epoch.progress} for epoch in series]
     groups = dict.fromkeys(key for epoch in reversed(known) for key in epoch)
     return [(kind, name, [epoch.get((kind, name)) for epoch in known]) for kind, name in groups]
 

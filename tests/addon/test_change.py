@@ -177,6 +177,8 @@ def test_the_operator_hands_over_all_that_the_command_has(
     add = bpy.ops.bim_verify.add_reference
     assert add(directory=str(tmp_path), files=[{"name": "r.e57"}, {"name": "s.e57"}]) == {"FINISHED"}
     assert add(filepath=str(tmp_path / "r.e57")) == {"FINISHED"} and len(settings.references) == 2
+    settings.voxel_mm = 5000
+    assert settings.voxel_mm == 1000, "as on the command line"
     settings.voxel_mm, settings.min_points, settings.loa, settings.date = 25, 4, "40", " 2025-03-31 "
     settings.registration_known, settings.registration_sigma_mm = True, 1.5
     for grouping, epochs in (

@@ -196,19 +196,21 @@ def test_a_full_disk_leaves_nothing(option: str, data: Path, place: Path) -> Non
     assert left(place) == []
 
 
-def test_interrupting_leaves_nothing(data: Path, place: Path) -> None:
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_interrupting_leaves_nothing(data: Path, place: Path, sent: signal.Signals) -> None:
     command = [
         sys.executable, "-m", "bim_verify", "verify", str(data / "model.ifc"), str(data / "scan.e57"), "--out",
         str(place / "out" / "verified.ifc"), "--json", str(place / "out" / "found.json"), "--spacing-mm", "4",
+        "--memory-gb", "0.0001",
     ]  # fmt: skip
     process = subprocess.Popen(
         command, cwd=place, env=environment(place), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     try:
         deadline = time.monotonic() + TIMEOUT_S
-        while not list((place / "cache").glob("*.npz")) and process.poll() is None and time.monotonic() < deadline:
+        while not list((place / "tmp").glob("bim_verify_*/*")) and process.poll() is None and time.monotonic() < deadline:
             time.sleep(0.02)
-        process.send_signal(signal.SIGINT)
+        process.send_signal(sent)
         stdout, stderr = process.communicate(timeout=TIMEOUT_S)
     finally:
         process.kill()

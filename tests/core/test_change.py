@@ -20,6 +20,7 @@ from bim_verify.core.change.decide import Decision, element_state, partly_gone, 
 from bim_verify.core.change.look import ElementSight
 from bim_verify.core.change.results import STATES, ChangeResult, ElementChange
 from bim_verify.core.change.solids import mesh_volumes, voxelise
+from bim_verify.core.commands.change import summary_lines
 from bim_verify.core.errors import BimVerifyError
 from bim_verify.core.evidence.overlap import overlap
 from bim_verify.core.evidence.own_evidence import clearly_inside, clearly_outside, shows_gone, shows_standing
@@ -34,6 +35,7 @@ from bim_verify.core.options import ChangeOptions
 from bim_verify.core.report.change_files import change_to_json, changes_csv, write_voxels
 from bim_verify.core.report.change_page import render_change_page
 from bim_verify.core.report.change_views import voxel_views
+from bim_verify.core.report.html import format_percent
 from bim_verify.core.report.remaining import remaining_mesh
 from bim_verify.core.report.remaining_view import remaining_views
 from bim_verify.core.scans.campaign import Station
@@ -147,6 +149,20 @@ def test_a_new_object_is_listed_with_place_and_size() -> None:
     crate = min(new, key=lambda c: float(np.linalg.norm(np.array(c.center) - CRATE.center)))
     assert np.allclose(crate.center, CRATE.center, atol=0.06)
     assert np.allclose(crate.size, CRATE.size, atol=0.13)
+
+
+def test_what_is_new_or_gone_of_a_planned_element_is_one_group() -> None:
+    result = against_reference()
+    groups = [(c.element.rstrip("_"), c.kind) for c in result.clusters if c.inside]
+    assert len(groups) == len(set(groups))
+    assert {("post", "NEW"), ("cupboard", "NEW"), ("column", "DISAPPEARED"), ("partition", "DISAPPEARED")} <= set(groups)
+    volume = {c.element.rstrip("_"): c.volume for c in result.clusters if c.inside and c.kind == "DISAPPEARED"}
+    for name in ("column", "partition", "plate"):
+        assert volume[name] == pytest.approx(by_name(result)[name].disappeared_volume, rel=0.02), name
+    beside = [c for c in result.clusters if c.kind == "NEW" and not c.inside]
+    said = f"neither in the model nor in the reference: {len(beside)}; the largest holds {beside[0].voxels:,}."
+    assert any(said in line for line in summary_lines(result))
+    assert any("not in the model: " in line for line in summary_lines(against_model()))
 
 
 def test_an_object_that_was_there_before_stays() -> None:
@@ -439,6 +455,9 @@ def test_the_report_shows_progress_without_a_plan_and_pictures_of_all_sides() ->
     result = against_reference()
     page = render_change_page(result)
     assert "states no plan" in page and "Not observed" in page and ">Planned<" not in page
+    storey = next(g for g in result.epoch.progress if g.kind == "storey")
+    unseen = format_percent(storey.not_observed)
+    assert f"{format_percent(storey.complete)}<br><small>{unseen} not observed</small>" in page, "at each epoch"
     views = voxel_views(result)
     assert len(views) == 3 and page.count("data:image/png") == len(views) + len(remaining_views(result))
     above = np.asarray(Image.open(io.BytesIO(base64.b64decode(views[0].image))))

@@ -7,7 +7,7 @@ import pytest
 
 from bim_verify.core.change.clusters import Kind, find_clusters, persistence
 from bim_verify.core.change.holders import Further
-from bim_verify.core.change.results import Cluster
+from bim_verify.core.change.results import Cluster, State
 from bim_verify.core.change.voxels import Universe, compare, voxel_cloud
 from bim_verify.core.occupancy.bricks import BrickTable
 from bim_verify.core.occupancy.epoch import EMPTY, OCCUPIED, UNSEEN, Observation
@@ -38,14 +38,19 @@ def epoch(*cubes: np.ndarray, blind: np.ndarray | None = None) -> Observation:
 
 
 def clusters(
-    *epochs: Observation, reference: Observation | None = None, planned: np.ndarray | None = None, most: int = 100
+    *epochs: Observation, reference: Observation | None = None, planned: np.ndarray | None = None, most: int = 100,
+    element: np.ndarray | None = None, states: dict[int, State] | None = None,
 ) -> tuple[tuple[Cluster, ...], int]:
+    """``element`` (B, 512): whose the voxels are, if more than the ``planned`` ones of the first element."""
     planned = np.zeros(SHAPE, np.bool_) if planned is None else planned
-    none, element = Further.of([], TABLE, np.int16), np.where(planned, 0, -1).astype(np.int16)
+    element = np.where(planned, 0, -1) if element is None else element
+    none, element = Further.of([], TABLE, np.int16), element.astype(np.int16)
+    of = [(states or {}).get(row, "CONFIRMED") for row in range(len(MODEL.elements))]
     world = Universe(GRID, TABLE, element, none, planned, np.ones(SHAPE, np.bool_))
     nothing, everything = np.zeros(SHAPE, np.bool_), np.ones(SHAPE, np.bool_)
     cloud = voxel_cloud(world, compare(world, epochs[-1], reference), everything, nothing)
-    return find_clusters(MODEL, world, cloud, [(f"epoch {n + 1}", e) for n, e in enumerate(epochs)], reference, most)
+    held = np.full(len(of), 0.05**3)
+    return find_clusters(MODEL, world, cloud, of, held, [(f"epoch {n + 1}", e) for n, e in enumerate(epochs)], reference, most)
 
 
 THING, OTHER = cube(64), cube(80)
@@ -117,3 +122,36 @@ def test_the_largest_are_listed_and_the_others_counted() -> None:
     assert [c.voxels for c in found] == sorted((c.voxels for c in found), reverse=True)
     all_of_them, none = clusters(epoch(*small, large))
     assert all_of_them[:2] == found and none == 0 and len(all_of_them) == 2 + left_out
+
+
+SPECK = ((HERE == 72) | (HERE == 73)).all(axis=-1)
+FIRST = np.where(THING | OTHER | SPECK, 0, -1)
+
+
+@pytest.mark.parametrize(("state", "voxels"), [("PARTIAL", 128), ("CONFIRMED", 128), ("DISAPPEARED", 136)])
+def test_what_is_gone_of_one_element_is_one_group_with_its_specks_only_if_all_of_it_is(state: State, voxels: int) -> None:
+    (found,), _ = clusters(NONE, planned=FIRST >= 0, states={0: state})
+    assert (found.kind, found.inside, found.voxels, found.element) == ("DISAPPEARED", True, voxels, MODEL.elements[0].global_id)
+    assert found.volume == pytest.approx(voxels * 0.05**3) and found.size == pytest.approx((1.0, 1.0, 1.0))
+    assert clusters(NONE, planned=SPECK, states={0: state}) == ((), 0)
+
+
+def test_what_is_gone_of_two_elements_are_two_groups_though_they_touch() -> None:
+    element = np.where(cube(68), 1, np.where(THING, 0, -1))
+    found, _ = clusters(NONE, planned=element >= 0, element=element)
+    assert sorted(c.element for c in found) == sorted(e.global_id for e in MODEL.elements[:2])
+    assert [c.voxels for c in found] == [64, 64]
+
+
+def test_what_touches_a_new_element_is_a_group_of_its_own() -> None:
+    found, _ = clusters(epoch(THING, cube(68), OTHER), reference=NONE, planned=FIRST >= 0, states={0: "NEW"})
+    assert [(c.kind, c.inside, c.voxels) for c in found] == [("NEW", True, 128), ("NEW", False, 64)]
+
+
+@pytest.mark.parametrize("state, groups", [("NEW", [(True, 128)]), ("CONFIRMED", [(True, 64), (False, 64)])])
+def test_what_is_new_beside_a_face_is_of_an_element_that_is_new(state: State, groups: list[tuple[bool, int]]) -> None:
+    element = np.where(THING | cube(68), 0, -1)
+    found, _ = clusters(epoch(THING, cube(68)), reference=NONE, planned=THING, element=element, states={0: state})
+    assert sorted((c.inside, c.voxels) for c in found) == sorted(groups)
+    volumes = [c.volume for c in found]
+    assert volumes == pytest.approx([64 * 0.05**3] * len(found)), "what lies beside the solid is no volume of it"
