@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..planes.surfels import Surfels
+from .face_points import EDGE_M, surface_pieces, surface_returns
 
 Array = NDArray[np.float64]
 
@@ -20,10 +21,14 @@ SEED_SECTORS = 36
 REACH_M = 0.014
 """A surfel this close to a line belongs to it."""
 TAKEN_M = 0.025
-"""Surfels this close to a found line, turned as it is, start no other line."""
+"""Surfels this close to a found line, turned as it is, start no other line, if they lie on the same surface."""
+STEP_M = 0.008
+"""A lean or a bulge goes on; beyond a step between neighbouring places of a wall a board or a lining begins, or ends."""
 SAME_COS = np.cos(np.radians(12.0))
 TURNED = np.sin(np.radians(3.0))
 """Mean turn of the normals in a window of a line beyond which they belong to another surface."""
+ONE_SURFACE = 0.98
+"""Of a line's area; where less is on the surface that shows most, the line is through that alone."""
 LEAST_AREA_M2 = 0.12
 MOST_FACES = 1500
 
@@ -84,13 +89,14 @@ def find_faces(upright: Surfels) -> list[Face]:
             break
         seed = members[begin[best] : begin[best + 1]]
         seed = seed[left[seed] > 0]
-        line = _grow(xy, normal, left, seed) if len(seed) >= 4 else None
+        line = _grow(xy, z, normal, left, seed) if len(seed) >= 4 else None
         if line is None:
             support[best] = 0.0
             continue
         n, c, inside = line
-        near = (np.abs(xy @ n - c) < TAKEN_M) & (normal @ n > SAME_COS) & (left > 0)
-        if not near.any() or not near[seed].any():
+        near = np.flatnonzero((np.abs(xy @ n - c) < TAKEN_M) & (normal @ n > SAME_COS) & (left > 0))
+        near = near[_same_surface(xy[near], z[near], n, c)]
+        if not np.isin(near, seed).any():
             support[best] = 0.0
         np.subtract.at(support, inverse[near], left[near])
         left[near] = 0.0
@@ -99,6 +105,17 @@ def find_faces(upright: Surfels) -> list[Face]:
             along = np.array([n[1], -n[0]])
             faces.append(Face(n, float(c), xy[inside] @ along, z[inside], area[inside]))
     return faces
+
+
+def _same_surface(xy: Array, z: Array, n: Array, c: float) -> NDArray[np.bool_]:
+    """(N,) whether surfels near a line are its own: within reach, or beyond it where the surface leans or bulges."""
+    off = xy @ n - c
+    own = np.abs(off) < REACH_M
+    if own.all() or not own.any():
+        return own
+    at = np.column_stack([xy @ np.array([n[1], -n[0]]), z])
+    outline = np.stack([at.min(axis=0) - 2 * EDGE_M, at.max(axis=0) + 2 * EDGE_M])
+    return np.asarray(own | surface_returns(at, off, REACH_M, outline, step=STEP_M))
 
 
 def _consistent(xy: Array, normal: Array, area: Array, n: Array, inside: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -112,7 +129,7 @@ def _consistent(xy: Array, normal: Array, area: Array, n: Array, inside: NDArray
 
 
 def _grow(
-    xy: Array, normal: Array, left: Array, seed: NDArray[np.int64]
+    xy: Array, z: Array, normal: Array, left: Array, seed: NDArray[np.int64]
 ) -> tuple[Array, float, NDArray[np.int64]] | None:
     n = normal[seed].mean(axis=0)
     n /= np.linalg.norm(n)
@@ -132,14 +149,39 @@ def _grow(
         members = free[chosen]
         if len(members) < 4:
             return None
-        weight = left[members]
-        mean = weight @ xy[members] / weight.sum()
-        q = (xy[members] - mean) * np.sqrt(weight)[:, None]
-        fitted = np.linalg.eigh(q.T @ q)[1][:, 0]
-        n = fitted if fitted @ n > 0 else -fitted
-        c = float(n @ mean)
+        n, c = _fitted(xy[members], left[members], n)
         tolerance = REACH_M
         if reach > 200:
             break
         reach *= 2.0
+    most = members[_on_most(xy[members], z[members], left[members], n)]
+    if left[most].sum() < ONE_SURFACE * left[members].sum():
+        n, c = _fitted(xy[most], left[most], n)
+        members = free[(np.abs(xy[free] @ n - c) < REACH_M) & (normal[free] @ n > SAME_COS)]
     return n, c, members
+
+
+def _fitted(xy: Array, weight: Array, towards: Array) -> tuple[Array, float]:
+    """Normal and offset of the line through places."""
+    mean = weight @ xy / weight.sum()
+    q = (xy - mean) * np.sqrt(weight)[:, None]
+    n = np.linalg.eigh(q.T @ q)[1][:, 0]
+    n = n if n @ towards > 0 else -n
+    return n, float(n @ mean)
+
+
+def _on_most(xy: Array, z: Array, area: Array, n: Array) -> NDArray[np.bool_]:
+    """(N,) which surfels of a line lie on the surface of which most was seen, where a step parts them; all with few."""
+    at, off = np.column_stack([xy @ np.array([n[1], -n[0]]), z]), xy @ n
+    piece = surface_pieces(at, off, STEP_M)
+    known = piece >= 0
+    if not known.any():
+        return np.ones(len(xy), dtype=np.bool_)
+    _, number = np.unique(piece[known], return_inverse=True)
+    weight = np.bincount(number, area[known])
+    place = np.bincount(number, area[known] * off[known]) / weight
+    like = np.abs(place[:, None] - place) < STEP_M / 2
+    own = like[int(np.argmax(like @ weight))]
+    out = ~known
+    out[known] = own[number]
+    return out

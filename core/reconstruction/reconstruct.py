@@ -136,6 +136,19 @@ def _warnings(result: Reconstruction, storeys: list[Storey]) -> list[str]:
     assumed = sum(w.fit.thickness_source == ASSUMED for s in result.storeys for w in s.walls)
     if assumed:
         out.append(f"{assumed} of {result.count('walls')} walls were seen from one side only; their thickness is assumed.")
+    for built in result.storeys:
+        out += [
+            f"{built.name}, wall {k}: {100 * w.step.share:.0f} % of what was seen of a face lies "
+            f"{1000 * abs(w.step.by):.0f} mm {'before' if w.step.by < 0 else 'behind'} the rest (a board, a lining, a leaf "
+            "that stands open, or wall beside one); the wall is where the larger part is."
+            for k, w in enumerate(built.walls, start=1) if w.step is not None
+        ]
+    recesses = sum(o.kind == "recess" for s in result.storeys for w in s.walls for o in w.openings)
+    if recesses:
+        out.append(
+            f"Openings written as a recess, because their back is solid and no frame stands before it: {recesses}. A closed "
+            "leaf without a frame looks alike."
+        )
     columns = [c for s in result.storeys for c in s.columns]
     hidden = sum(bool(c.hidden) for c in columns)
     if hidden:

@@ -24,9 +24,10 @@ from .fitted import FIT_POINTS, LEAST_FIT, FaceReturns, Survey, face_returns, fi
 from .hole_rectangles import FaceRaster
 from .joins import JoinedWall, join_walls
 from .levels import Storey
-from .openings import Opening, face_raster, find_openings
+from .openings import LOST_SHARE, Opening, face_raster, find_openings
 from .plan import PlanRaster, make_plan
 from .rooms import Room, find_rooms
+from .steps import Step, find_step
 from .thickness import Hint, hint, settle
 from .walls import SEEN_OUTSIDE, WallLine, find_walls
 
@@ -39,8 +40,6 @@ BEFORE_WALL_M = 0.12
 HIGHEST = 0.97
 SLOPE_M = 0.1
 """A ceiling that is nowhere along a wall farther from its room's level is level there."""
-LOST_SHARE = 0.2
-"""In a room behind a hole all rays come back but a few."""
 
 
 @dataclass
@@ -132,7 +131,7 @@ def finish_storey(draft: StoreyDraft, survey: Survey) -> StoreyParts:
         walls.append(
             BuiltWall(j.start, j.end, w.line.thickness, j.footprint, w.base, w.top, openings, j.joins,
                       tuple(sorted(w.line.rooms)), external, _record(w, fitted), lean.value, lean.sigma,
-                      tuple(fitted))
+                      tuple(fitted), _step(w, draft.band))
         )  # fmt: skip
     columns = [c for candidate in draft.columns if (c := _built_column(*candidate, draft.band, survey)) is not None]
     built = []
@@ -195,10 +194,16 @@ def _level_returns(
     rows = rows[:: max(1, len(rows) // (4 * FIT_POINTS))]
     rows = rows[contains_xy(inner, x[rows], y[rows])]
     at, ends = np.column_stack([x[rows], y[rows]]), np.array(room.outline.bounds).reshape(2, 2)
-    rows = rows[surface_returns(at, z[rows] - level, band, ends, np.zeros((0, 2, 2)))]
+    rows = rows[surface_returns(at, z[rows] - level, band, ends)]
     if len(rows) < LEAST_FIT:
         return None
     return face_returns(cloud, rows, "finished floor" if up > 0 else "finished wall", noise)
+
+
+def _step(work: _Work, band: float) -> Step | None:
+    line = work.line
+    found = [find_step(side, (line.u0, line.u1), (work.base, work.top), band) for side in work.sides]
+    return max((s for s in found if s is not None), key=lambda s: s.share, default=None)
 
 
 def _hint(work: _Work, band: float) -> Hint:

@@ -75,11 +75,12 @@ def _storey(s: BuiltStorey, ids: StoreyIds, origin: list[float]) -> dict[str, An
              "thickness_source": w.fit.thickness_source, "fit_mean": w.fit.fit_mean, "fit_sigma": w.fit.fit_sigma,
              "position_sigma": w.fit.position_sigma, "quality": w.fit.quality, "external": w.external,
              "lean_rad": w.lean, "lean_sigma_rad": w.lean_sigma, "rooms": list(w.rooms),
+             "step": None if w.step is None else {"by": w.step.by, "share": w.step.share},
              "openings": [
                  {**_named(ids.openings[k] if ids.openings else (), n),
                   "kind": o.kind, "from": o.u0, "to": o.u1, "bottom": o.z0 + z, "top": o.z1 + z, "filled": o.filled,
                   "quality": o.quality, "edge_sigma": list(o.edge_sigma), "hidden_edges": list(o.hidden),
-                  "foot_hidden": o.foot_hidden}
+                  "foot_hidden": o.foot_hidden, "recess_depth": o.recess}
                  for n, o in enumerate(w.openings)
              ]}
             for k, w in enumerate(s.walls)

@@ -1,0 +1,40 @@
+"""What lies flat a few centimetres before or behind the rest of a wall's face: boards, linings, wainscots, bare wall."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .crossings import Crossings
+from .face_points import SMALLEST_CELL_M, middles
+
+REACH_M = 0.05
+LEAST_SHARE = 0.05
+"""Of a face; less is not worth a word."""
+FLAT = 0.5
+"""Returns of one surface scatter less than this share of the band, in half the distance of their quartiles."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A part of a face that does not lie in its plane."""
+
+    by: float
+    """Where most of it lies: behind the face, or before it where negative [m]."""
+    share: float
+    """Of what was seen of the face, 0..1."""
+
+
+def find_step(side: Crossings, u: tuple[float, float], z: tuple[float, float], band: float) -> Step | None:
+    """The larger one of what lies before and what lies behind; None where there is little of either."""
+    near = np.abs(side.depth) < REACH_M
+    number = ((np.column_stack([side.end_u, side.end_z])[near] - (u[0], z[0])) / SMALLEST_CELL_M).astype(np.int64)
+    shape = tuple(int((high - low) / SMALLEST_CELL_M) + 1 for low, high in (u, z))
+    number = np.clip(number, 0, np.array(shape) - 1)
+    middle, scatter = middles(number[:, 0] * shape[1] + number[:, 1], side.depth[near], (shape[0], shape[1]))
+    seen = np.isfinite(middle) & (scatter < FLAT * band)
+    parts = [seen & (middle < -band), seen & (middle > band)]
+    part = max(parts, key=np.count_nonzero)
+    share = part.sum() / max(int(seen.sum()), 1)
+    return Step(float(np.median(middle[part])), float(share)) if share > LEAST_SHARE else None
