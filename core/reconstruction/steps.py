@@ -10,6 +10,7 @@ from .crossings import Crossings
 from .face_points import SMALLEST_CELL_M, middles
 
 REACH_M = 0.05
+LEAST_STEP_M = 0.008
 LEAST_SHARE = 0.05
 """Of a face; less is not worth a word."""
 FLAT = 0.5
@@ -34,7 +35,7 @@ def find_step(side: Crossings, u: tuple[float, float], z: tuple[float, float], b
     number = np.clip(number, 0, np.array(shape) - 1)
     middle, scatter = middles(number[:, 0] * shape[1] + number[:, 1], side.depth[near], (shape[0], shape[1]))
     seen = np.isfinite(middle) & (scatter < FLAT * band)
-    parts = [seen & (middle < -band), seen & (middle > band)]
+    parts = [seen & (middle < -LEAST_STEP_M), seen & (middle > LEAST_STEP_M)]
     part = max(parts, key=np.count_nonzero)
     share = part.sum() / max(int(seen.sum()), 1)
     return Step(float(np.median(middle[part])), float(share)) if share > LEAST_SHARE else None

@@ -72,8 +72,8 @@ class StoreyDraft:
     rooms: list[Room]
     levels: list[tuple[FaceReturns | None, FaceReturns | None]]
     """Floor and ceiling of each room."""
-    columns: list[tuple[Room, Array, NDArray[np.int64]]]
-    """Room, (N, 3) returns [m] and their stations of what may be a column."""
+    columns: list[tuple[Room, float, Array, NDArray[np.int64]]]
+    """Room, top [m], (N, 3) returns [m] and their stations of what may be a column."""
     band: float
     """Returns this close to a face are on it [m]."""
 
@@ -107,8 +107,8 @@ def draft_storey(
     for w in work:
         w.faces = _wall_returns(cloud, w, band, noise)
     columns = [
-        (room, cloud.points[rows].astype(np.float64), cloud.station[rows].astype(np.int64))
-        for room in rooms for rows in column_returns(room, upright, cloud)
+        (room, c.top, cloud.points[c.rows].astype(np.float64), cloud.station[c.rows].astype(np.int64))
+        for room in rooms for c in column_returns(room, upright, cloud, plan)
     ]  # fmt: skip
     levels = [
         (_level_returns(cloud, r, r.floor, 1.0, band, noise),
@@ -143,7 +143,7 @@ def finish_storey(draft: StoreyDraft, survey: Survey) -> StoreyParts:
 
 
 def _built_column(
-    room: Room, points: Array, station: NDArray[np.int64], band: float, survey: Survey
+    room: Room, top: float, points: Array, station: NDArray[np.int64], band: float, survey: Survey
 ) -> BuiltColumn | None:
     def fit_face(own: NDArray[np.int64]) -> Plane:
         own = own[:: max(1, len(own) // FIT_POINTS)]
@@ -157,7 +157,7 @@ def _built_column(
         shape.residual_mean, shape.residual_sigma, shape.seen, shape.position_sigma, EDGES if shape.hidden else MEASURED,
         shape.returns,
     )
-    return BuiltColumn(shape.footprint, shape.radius, room.floor, room.ceiling, fit, shape.hidden, shape.on)
+    return BuiltColumn(shape.footprint, shape.radius, room.floor, top, fit, shape.hidden, shape.on)
 
 
 def _without(room: Room, columns: list[BuiltColumn]) -> Polygon:

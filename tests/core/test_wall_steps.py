@@ -61,7 +61,7 @@ def test_a_wall_that_leans_is_one_face(lean: float) -> None:
     assert len(faces) == 1
 
 
-@pytest.mark.parametrize(("by", "said"), [(0.02, True), (-0.03, True), (0.008, False), (0.09, False)])
+@pytest.mark.parametrize(("by", "said"), [(0.02, True), (-0.03, True), (0.011, True), (0.005, False), (0.09, False)])
 def test_what_lies_before_or_behind_much_of_a_face_is_said(by: float, said: bool) -> None:
     u, off, z = before(BOARD, by, 0.02)
     depth = -off + np.random.default_rng(2).normal(0.0, 0.002, len(u))
