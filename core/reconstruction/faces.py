@@ -27,8 +27,13 @@ STEP_M = 0.008
 SAME_COS = np.cos(np.radians(12.0))
 TURNED = np.sin(np.radians(3.0))
 """Mean turn of the normals in a window of a line beyond which they belong to another surface."""
-ONE_SURFACE = 0.98
-"""Of a line's area; where less is on the surface that shows most, the line is through that alone."""
+ON_LINE_M = 0.003
+"""Of lines through a wall with steps the one with most area so close to it counts, the more the closer."""
+MORE = 1.03
+LEAST_PIECE = 0.05
+"""Of a wall's area: the second piece of one that has a step."""
+PIECES = 3
+"""Lines are tried through this many of its largest pieces without a step."""
 LEAST_AREA_M2 = 0.12
 MOST_FACES = 1500
 
@@ -154,11 +159,12 @@ def _grow(
         if reach > 200:
             break
         reach *= 2.0
-    most = members[_on_most(xy[members], z[members], left[members], n)]
-    if left[most].sum() < ONE_SURFACE * left[members].sum():
-        n, c = _fitted(xy[most], left[most], n)
+    near = free[(np.abs(xy[free] @ n - c) < TAKEN_M) & (normal[free] @ n > SAME_COS)]
+    better = _through_most(xy[near], z[near], left[near], n, c)
+    if better is not None:
+        n, c = better
         members = free[(np.abs(xy[free] @ n - c) < REACH_M) & (normal[free] @ n > SAME_COS)]
-    return n, c, members
+    return (n, c, members) if len(members) else None
 
 
 def _fitted(xy: Array, weight: Array, towards: Array) -> tuple[Array, float]:
@@ -170,18 +176,24 @@ def _fitted(xy: Array, weight: Array, towards: Array) -> tuple[Array, float]:
     return n, float(n @ mean)
 
 
-def _on_most(xy: Array, z: Array, area: Array, n: Array) -> NDArray[np.bool_]:
-    """(N,) which surfels of a line lie on the surface of which most was seen, where a step parts them; all with few."""
-    at, off = np.column_stack([xy @ np.array([n[1], -n[0]]), z]), xy @ n
-    piece = surface_pieces(at, off, STEP_M)
-    known = piece >= 0
-    if not known.any():
-        return np.ones(len(xy), dtype=np.bool_)
-    _, number = np.unique(piece[known], return_inverse=True)
-    weight = np.bincount(number, area[known])
-    place = np.bincount(number, area[known] * off[known]) / weight
-    like = np.abs(place[:, None] - place) < STEP_M / 2
-    own = like[int(np.argmax(like @ weight))]
-    out = ~known
-    out[known] = own[number]
-    return out
+def _through_most(xy: Array, z: Array, area: Array, n: Array, c: float) -> tuple[Array, float] | None:
+    """The line through one of the pieces that steps part a wall into, if more of the wall lies on it; else None."""
+
+    def close(normal: Array, offset: float) -> Array:
+        return np.asarray(np.maximum(1.0 - ((xy @ normal - offset) / ON_LINE_M) ** 2, 0.0))
+
+    piece = surface_pieces(np.column_stack([xy @ np.array([n[1], -n[0]]), z]), xy @ n, STEP_M)
+    weight = np.bincount(piece + 1, area)[1:]
+    largest = np.argsort(-weight)[:PIECES]
+    if len(largest) < 2 or weight[largest[1]] < LEAST_PIECE * weight.sum():
+        return None
+    best, most = None, MORE * float(area @ close(n, c))
+    for number in largest[weight[largest] > 0]:
+        own = piece == number
+        line = _fitted(xy[own], area[own], n)
+        for _ in range(3):
+            share = area * close(*line)
+            line = _fitted(xy, share, n) if share.any() else line
+        if (found := float(area @ close(*line))) > most:
+            best, most = line, found
+    return best

@@ -54,6 +54,16 @@ def test_what_stands_before_a_wall_takes_nothing_of_it(part: tuple[float, float,
     assert area_at(faces, by) == pytest.approx(covered, rel=0.1)
 
 
+@pytest.mark.parametrize("bare", [(2.5, 4.5), (4.2, 7.0), (0.0, 1.0)])
+def test_a_wall_is_straight_though_a_lining_of_a_centimetre_ends_on_it(bare: tuple[float, float]) -> None:
+    """The smaller part is bare; both are within reach of one line, which must not turn to hold both."""
+    u, off, z = before((*bare, 0.0, HEIGHT_M), -0.01)
+    (face,) = find_faces(surfels(u, off, z))
+    for end in (0.0, LENGTH_M):
+        place = (face.offset - face.normal[0] * end) / face.normal[1]
+        assert place == pytest.approx(0.0, abs=0.001)
+
+
 @pytest.mark.parametrize("lean", [0.02, 0.04])
 def test_a_wall_that_leans_is_one_face(lean: float) -> None:
     u, z = places(EDGE_M)
