@@ -159,14 +159,14 @@ def _warnings(result: Reconstruction, storeys: list[Storey]) -> list[str]:
     for built in result.storeys:
         out += [
             f"{built.name}, wall {k}: {100 * w.step.share:.0f} % of what was seen of a face lies "
-            f"{1000 * abs(w.step.by):.0f} mm {'before' if w.step.by < 0 else 'behind'} the rest: a board, a lining, a leaf that "
-            "stands open, or wall beside one. The wall has one of the two for its face, or a place between them where they are "
-            "less than 15 mm apart."
+            f"{1000 * abs(w.step.by):.0f} mm {'before' if w.step.by < 0 else 'behind'} the rest: a board, a lining, a leaf "
+            "that stands open, or wall beside one. The wall has one of the two for its face, or a place between them where they "
+            "are less than 15 mm apart."
             for k, w in enumerate(built.walls, start=1) if w.step is not None
         ]
         out += [
-            f"{built.name}, room {k}: {turns} corners in a row turn by {LEAST_TURN_DEG:.0f} to {MOST_TURN_DEG:.0f} degrees to the "
-            "same side, so a wall is probably round there; it is not modelled as such, but as straight pieces."
+            f"{built.name}, room {k}: {turns} corners in a row turn by {LEAST_TURN_DEG:.0f} to {MOST_TURN_DEG:.0f} degrees to "
+            "the same side, so a wall is probably round there; it is not modelled as such, but as straight pieces."
             for k, r in enumerate(built.rooms, start=1) if (turns := round_corners(r.outline)) >= LEAST_ROUND
         ]
     recesses = sum(o.kind == "recess" for s in result.storeys for w in s.walls for o in w.openings)
