@@ -160,8 +160,8 @@ def _warnings(result: Reconstruction, storeys: list[Storey]) -> list[str]:
         out += [
             f"{built.name}, wall {k}: {100 * w.step.share:.0f} % of what was seen of a face lies "
             f"{1000 * abs(w.step.by):.0f} mm {'before' if w.step.by < 0 else 'behind'} the rest: a board, a lining, a leaf "
-            "that stands open, or wall beside one. The wall has one of the two for its face, or a place between them where they "
-            "are less than 15 mm apart."
+            "that stands open, or wall beside one. The wall has one of the two for its face, or a place between them where "
+            "they are less than 15 mm apart."
             for k, w in enumerate(built.walls, start=1) if w.step is not None
         ]
         out += [
