@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from .crossings import Crossings
-from .face_points import SMALLEST_CELL_M, middles
+from .face_points import EDGE_M, SMALLEST_CELL_M, middles
+
+Box = tuple[float, float, float, float]
 
 REACH_M = 0.05
 LEAST_STEP_M = 0.008
@@ -27,9 +30,18 @@ class Step:
     """Of what was seen of the face, 0..1."""
 
 
-def find_step(side: Crossings, u: tuple[float, float], z: tuple[float, float], band: float) -> Step | None:
-    """The larger one of what lies before and what lies behind; None where there is little of either."""
+def find_step(
+    side: Crossings, u: tuple[float, float], z: tuple[float, float], band: float, holes: Iterable[Box] = ()
+) -> Step | None:
+    """The larger one of what lies before and what lies behind; None where there is little of either.
+
+    What stands in ``holes`` (u0, u1, z0, z1) is no part of the face.
+    """
     near = np.abs(side.depth) < REACH_M
+    for u0, u1, z0, z1 in holes:
+        near &= ~(
+            (side.end_u > u0 - EDGE_M) & (side.end_u < u1 + EDGE_M) & (side.end_z > z0 - EDGE_M) & (side.end_z < z1 + EDGE_M)
+        )
     number = ((np.column_stack([side.end_u, side.end_z])[near] - (u[0], z[0])) / SMALLEST_CELL_M).astype(np.int64)
     shape = tuple(int((high - low) / SMALLEST_CELL_M) + 1 for low, high in (u, z))
     number = np.clip(number, 0, np.array(shape) - 1)

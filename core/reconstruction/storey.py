@@ -201,8 +201,9 @@ def _level_returns(
 
 
 def _step(work: _Work, band: float) -> Step | None:
-    line = work.line
-    found = [find_step(side, (line.u0, line.u1), (work.base, work.top), band) for side in work.sides]
+    u, z = (work.line.u0, work.line.u1), (work.base, work.top)
+    holes = [(o.u0, o.u1, o.z0, o.z1) for o in work.openings]
+    found = [find_step(side, u, z, band, holes) for side in work.sides]
     return max((s for s in found if s is not None), key=lambda s: s.share, default=None)
 
 

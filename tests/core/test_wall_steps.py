@@ -77,6 +77,7 @@ def test_what_lies_before_or_behind_much_of_a_face_is_said(by: float, said: bool
     depth = -off + np.random.default_rng(2).normal(0.0, 0.002, len(u))
     step = find_step(Crossings(u, z, depth, u, z, np.arange(len(u))), (0.0, LENGTH_M), (0.0, HEIGHT_M), 0.012)
     assert (step is not None) == said
+    assert find_step(Crossings(u, z, depth, u, z, np.arange(len(u))), (0.0, LENGTH_M), (0.0, HEIGHT_M), 0.012, [BOARD]) is None
     if step is not None:
         assert step.by == pytest.approx(-by, abs=0.002)
         assert step.share == pytest.approx(2.4 / (LENGTH_M * HEIGHT_M), rel=0.1)
