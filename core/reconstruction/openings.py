@@ -90,6 +90,8 @@ class Opening:
     """Whether it reaches the floor was not seen, so that it may be a door or a window; its kind is then opening."""
     recess: float = 0.0
     """How deep its solid back lies, of a recess [m]."""
+    down: bool = False
+    """It was seen to reach the floor."""
 
     @property
     def width(self) -> float:
@@ -159,17 +161,17 @@ def find_openings(
         opening = replace(opening, lost=_lost_share(raster, sides, opening))
         back = solid_back(sides, (opening.u0, opening.u1, opening.z0, opening.z1), band)
         if back is None:
-            out.append(replace(opening, kind=_kind(opening, floor, lost)))
+            out.append(replace(opening, kind=_kind(opening, lost)))
         elif back >= SHALLOWEST_M:
             out.append(replace(opening, kind="recess", recess=back, foot_hidden=False))
     return _apart(out)
 
 
-def _kind(opening: Opening, floor: float, lost: bool) -> Kind:
+def _kind(opening: Opening, lost: bool) -> Kind:
     """By what fills it; rays that do not come back have met panes, or passed them into the open (``lost``)."""
     if opening.foot_hidden:
         return "opening"
-    if opening.z0 - floor < DOOR_SILL_M and SIDES[2] not in opening.hidden and opening.height > DOOR_HEIGHT_M:
+    if opening.down and opening.height > DOOR_HEIGHT_M:
         return "door" if opening.filled else "opening"
     return "window" if opening.filled or (lost and opening.lost > LOST_SHARE) else "opening"
 
@@ -247,7 +249,7 @@ def _refined(
     foot_hidden = not found[2].seen and not wall_below and z1 - floor > DOOR_HEIGHT_M
     hidden = tuple(name for name, e in zip(SIDES, found, strict=True) if not e.seen)
     sigmas = found[0].sigma, found[1].sigma, found[2].sigma, found[3].sigma
-    return Opening(u0, u1, z0, z1, "opening", filled, quality, sigmas, hidden, foot_hidden=foot_hidden)
+    return Opening(u0, u1, z0, z1, "opening", filled, quality, sigmas, hidden, foot_hidden=foot_hidden, down=down)
 
 
 def _brackets(raster: FaceRaster, rectangle: Rectangle) -> list[tuple[float, float, float]]:

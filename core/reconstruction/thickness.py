@@ -57,7 +57,7 @@ def hint(side: Crossings, openings: list[Opening], band: float) -> Hint:
         span, leaf = reveal_depth(side, box, band)
         if leaf is not None:
             leaves.append(leaf)
-        if span is None or not LEAST_M < span[0] < MOST_M or opening.kind != "window":
+        if span is None or not LEAST_M < span[0] < MOST_M or opening.kind == "door" or opening.down or opening.foot_hidden:
             continue
         least = max(least, span[0])
         if leaf is None or span[0] > leaf + BEYOND_LEAF_M:

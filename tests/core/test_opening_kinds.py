@@ -51,7 +51,7 @@ def test_a_hole_is_what_fills_it(
     hole: tuple[float, float, float, float], back: float, frame: float | None, lost: float, kind: str
 ) -> None:
     (opening,) = found(side(hole, back, frame, lost), lost=True)
-    assert opening.kind == kind
+    assert opening.kind == kind and opening.down == (hole == DOOR)
     assert opening.recess == (pytest.approx(back, abs=0.001) if kind == "recess" else 0.0)
     assert (opening.u0, opening.u1, opening.z0, opening.z1) == pytest.approx(hole, abs=0.012)
 
