@@ -58,9 +58,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _fail(bar, f"Unexpected {type(error).__name__}: {text} (set {DEBUG}=1 to see where).", FAILED)
     if bar:
         bar.close()
-    for line in outcome.lines:
-        print(line)
+    _say(outcome.lines)
     return DONE
+
+
+def _say(lines: Sequence[str]) -> None:
+    """Print; a reader that has gone (``| head``) is no error, for all that was to be written is."""
+    try:
+        for line in lines:
+            print(line)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _refuse_input(target: str, command: Command, values: dict[str, Any]) -> None:

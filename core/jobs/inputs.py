@@ -44,7 +44,7 @@ def open_with_blocks(
     source = open_scans(scans, origin=options.origin) if isinstance(scans, Sequence) else scans
     check_stations(source)
     if options.origin is None:
-        _check_stated_origins(source)
+        check_stated_origins(source)
     blocks = source.photo_blocks if isinstance(source, Campaign) else ()
     return to_model_frame(model, source, options.scan_frame), blocks
 
@@ -87,7 +87,8 @@ def check_stations(source: ScanSource) -> None:
         )
 
 
-def _check_stated_origins(source: ScanSource) -> None:
+def check_stated_origins(source: ScanSource) -> None:
+    """Raise BimVerifyError when a station is said to be at 0, 0, 0 and cannot have been there: a merged cloud."""
     impossible = impossible_stations(source)
     if impossible:
         names = ", ".join(source.stations[index].name for index in impossible)

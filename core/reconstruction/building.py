@@ -14,6 +14,7 @@ from ..planes.stations import EXACT, Poses
 from ..planes.unevenness import Unevenness
 from .joins import Join
 from .openings import Opening
+from .steps import Step
 
 Array = NDArray[np.float64]
 
@@ -81,6 +82,8 @@ class BuiltWall:
     """Of its faces from the vertical, rad."""
     lean_sigma: float = 0.0
     faces: tuple[FittedFace, ...] = ()
+    step: Step | None = None
+    """What lies flat before or behind the rest of one of its faces."""
 
     @property
     def length(self) -> float:

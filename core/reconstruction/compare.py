@@ -271,6 +271,9 @@ def comparison_lines(result: Comparison) -> list[str]:
     """For a person; the number comes last."""
     out = []
     for kind, c in result.classes.items():
+        if not c.reference:
+            out.append(f"{kind}: {c.found} found, none in the reference.")
+            continue
         text = f"{kind}: {len(c.matches)} of {c.reference} found, {len(c.extra)} not in the reference, F1 {c.f1:.3f}"
         if c.matches:
             parts = [_median(c, what, name) for what, name in SAID[kind]]
@@ -278,7 +281,8 @@ def comparison_lines(result: Comparison) -> list[str]:
             if kind == "openings":
                 hidden = sum(len(m.found.hidden) for m in c.matches)
                 parts.append(f"edges that were seen at most {c.largest('seen_edge') * 1000:.1f} mm")
-                parts += [f"with the {hidden} hidden ones {c.largest('edge') * 1000:.1f} mm"] if hidden else []
+                them = "hidden one" if hidden == 1 else f"{hidden} hidden ones"
+                parts += [f"with the {them} {c.largest('edge') * 1000:.1f} mm"] if hidden else []
             text += "; " + ", ".join(parts)
         out.append(text + ".")
     out += result.notes

@@ -37,15 +37,26 @@ def comparison_sections(result: Comparison) -> list[Section]:
             "Angle max °", "Length max mm", "Width max mm", "Height max mm", "Edge max mm, seen", "Edge max mm, all",
         ),
         rows=[
-            (kind, str(c.reference), str(c.found), str(len(c.matches)), f"{c.precision:.3f}", f"{c.recall:.3f}",
-             f"{c.f1:.3f}", millimetres(c.largest("middle")), millimetres(c.largest("axis")),
-             f"{np.degrees(c.largest('angle')):.2f}",
-             *(millimetres(c.largest(w)) for w in ("length", "width", "height", "seen_edge", "edge")))
+            (kind, str(c.reference), str(c.found), str(len(c.matches)), *_shares(c), *_largest(c))
             for kind, c in result.classes.items()
         ],
         numeric=frozenset(range(1, 15)),
     )]  # fmt: skip
     return sections + [_pairs(c) for c in result.classes.values()]
+
+
+def _shares(c: ClassComparison) -> list[str]:
+    """Precision, recall and F1; nothing of a class that the reference does not have."""
+    return [f"{v:.3f}" for v in (c.precision, c.recall, c.f1)] if c.reference else [""] * 3
+
+
+def _largest(c: ClassComparison) -> list[str]:
+    """Differences of pairs; nothing where there is none."""
+    if not c.matches:
+        return [""] * 8
+    angle = f"{np.degrees(c.largest('angle')):.2f}"
+    before, after = ("middle", "axis"), ("length", "width", "height", "seen_edge", "edge")
+    return [*(millimetres(c.largest(w)) for w in before), angle, *(millimetres(c.largest(w)) for w in after)]
 
 
 def _pairs(c: ClassComparison) -> Section:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..planes.surfels import Surfels
+from .face_points import EDGE_M, surface_pieces, surface_returns
 
 Array = NDArray[np.float64]
 
@@ -20,10 +21,19 @@ SEED_SECTORS = 36
 REACH_M = 0.014
 """A surfel this close to a line belongs to it."""
 TAKEN_M = 0.025
-"""Surfels this close to a found line, turned as it is, start no other line."""
+"""Surfels this close to a found line, turned as it is, start no other line, if they lie on the same surface."""
+STEP_M = 0.008
+"""A lean or a bulge goes on; beyond a step between neighbouring places of a wall a board or a lining begins, or ends."""
 SAME_COS = np.cos(np.radians(12.0))
 TURNED = np.sin(np.radians(3.0))
 """Mean turn of the normals in a window of a line beyond which they belong to another surface."""
+ON_LINE_M = 0.003
+"""Of lines through a wall with steps the one with most area so close to it counts, the more the closer."""
+MORE = 1.03
+LEAST_PIECE = 0.05
+"""Of a wall's area: the second piece of one that has a step."""
+PIECES = 3
+"""Lines are tried through this many of its largest pieces without a step."""
 LEAST_AREA_M2 = 0.12
 MOST_FACES = 1500
 
@@ -84,13 +94,14 @@ def find_faces(upright: Surfels) -> list[Face]:
             break
         seed = members[begin[best] : begin[best + 1]]
         seed = seed[left[seed] > 0]
-        line = _grow(xy, normal, left, seed) if len(seed) >= 4 else None
+        line = _grow(xy, z, normal, left, seed) if len(seed) >= 4 else None
         if line is None:
             support[best] = 0.0
             continue
         n, c, inside = line
-        near = (np.abs(xy @ n - c) < TAKEN_M) & (normal @ n > SAME_COS) & (left > 0)
-        if not near.any() or not near[seed].any():
+        near = np.flatnonzero((np.abs(xy @ n - c) < TAKEN_M) & (normal @ n > SAME_COS) & (left > 0))
+        near = near[_same_surface(xy[near], z[near], n, c)]
+        if not np.isin(near, seed).any():
             support[best] = 0.0
         np.subtract.at(support, inverse[near], left[near])
         left[near] = 0.0
@@ -99,6 +110,17 @@ def find_faces(upright: Surfels) -> list[Face]:
             along = np.array([n[1], -n[0]])
             faces.append(Face(n, float(c), xy[inside] @ along, z[inside], area[inside]))
     return faces
+
+
+def _same_surface(xy: Array, z: Array, n: Array, c: float) -> NDArray[np.bool_]:
+    """(N,) whether surfels near a line are its own: within reach, or beyond it where the surface leans or bulges."""
+    off = xy @ n - c
+    own = np.abs(off) < REACH_M
+    if own.all() or not own.any():
+        return own
+    at = np.column_stack([xy @ np.array([n[1], -n[0]]), z])
+    outline = np.stack([at.min(axis=0) - 2 * EDGE_M, at.max(axis=0) + 2 * EDGE_M])
+    return np.asarray(own | surface_returns(at, off, REACH_M, outline, step=STEP_M))
 
 
 def _consistent(xy: Array, normal: Array, area: Array, n: Array, inside: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -112,7 +134,7 @@ def _consistent(xy: Array, normal: Array, area: Array, n: Array, inside: NDArray
 
 
 def _grow(
-    xy: Array, normal: Array, left: Array, seed: NDArray[np.int64]
+    xy: Array, z: Array, normal: Array, left: Array, seed: NDArray[np.int64]
 ) -> tuple[Array, float, NDArray[np.int64]] | None:
     n = normal[seed].mean(axis=0)
     n /= np.linalg.norm(n)
@@ -132,14 +154,46 @@ def _grow(
         members = free[chosen]
         if len(members) < 4:
             return None
-        weight = left[members]
-        mean = weight @ xy[members] / weight.sum()
-        q = (xy[members] - mean) * np.sqrt(weight)[:, None]
-        fitted = np.linalg.eigh(q.T @ q)[1][:, 0]
-        n = fitted if fitted @ n > 0 else -fitted
-        c = float(n @ mean)
+        n, c = _fitted(xy[members], left[members], n)
         tolerance = REACH_M
         if reach > 200:
             break
         reach *= 2.0
-    return n, c, members
+    near = free[(np.abs(xy[free] @ n - c) < TAKEN_M) & (normal[free] @ n > SAME_COS)]
+    better = _through_most(xy[near], z[near], left[near], n, c)
+    if better is not None:
+        n, c = better
+        members = free[(np.abs(xy[free] @ n - c) < REACH_M) & (normal[free] @ n > SAME_COS)]
+    return (n, c, members) if len(members) else None
+
+
+def _fitted(xy: Array, weight: Array, towards: Array) -> tuple[Array, float]:
+    """Normal and offset of the line through places."""
+    mean = weight @ xy / weight.sum()
+    q = (xy - mean) * np.sqrt(weight)[:, None]
+    n = np.linalg.eigh(q.T @ q)[1][:, 0]
+    n = n if n @ towards > 0 else -n
+    return n, float(n @ mean)
+
+
+def _through_most(xy: Array, z: Array, area: Array, n: Array, c: float) -> tuple[Array, float] | None:
+    """The line through one of the pieces that steps part a wall into, if more of the wall lies on it; else None."""
+
+    def close(normal: Array, offset: float) -> Array:
+        return np.asarray(np.maximum(1.0 - ((xy @ normal - offset) / ON_LINE_M) ** 2, 0.0))
+
+    piece = surface_pieces(np.column_stack([xy @ np.array([n[1], -n[0]]), z]), xy @ n, STEP_M)
+    weight = np.bincount(piece + 1, area)[1:]
+    largest = np.argsort(-weight)[:PIECES]
+    if len(largest) < 2 or weight[largest[1]] < LEAST_PIECE * weight.sum():
+        return None
+    best, most = None, MORE * float(area @ close(n, c))
+    for number in largest[weight[largest] > 0]:
+        own = piece == number
+        line = _fitted(xy[own], area[own], n)
+        for _ in range(3):
+            share = area * close(*line)
+            line = _fitted(xy, share, n) if share.any() else line
+        if (found := float(area @ close(*line))) > most:
+            best, most = line, found
+    return best

@@ -14,6 +14,14 @@ RIM_M = (0.02, 0.055)
 """A frame lies this far inside the edge of its opening; the reveal itself does not."""
 FILLED_SHARE = 0.4
 RIM_BIN_M = 0.04
+LEAST_BACK = 20
+DEEPEST_BACK_M = 0.6
+"""What ends the rays behind a hole farther off is no part of its wall."""
+BACK_SHARE = 0.9
+"""Of the rays into a recess, this many end on its back."""
+FRAME_BEFORE_M = 0.012
+FRAMED_SHARE = 0.3
+"""Of what lies along the rim of an opening, so much stands before its leaf or pane where there is a frame."""
 LEAST_REVEAL_RETURNS = 30
 REVEAL_BIN_M = 0.01
 FRAME_STEP_M = 0.02
@@ -46,6 +54,31 @@ def is_filled(sides: list[Crossings], box: Box, thickness: float, band: float) -
         inner += int(inside.sum())
         inner_in += int(within.sum())
     return bool((rim >= 2).mean() > FILLED_SHARE) or (inner > 20 and inner_in > 0.5 * inner)
+
+
+def solid_back(sides: list[Crossings], box: Box, band: float) -> float | None:
+    """How deep [m] the back of a recess lies: all rays into it end on one plane, and no frame stands before that.
+
+    None for a hole, and of a wall that was seen from both sides: there a leaf shows on both, and a recess on one is wall.
+    A closed leaf without a frame before it looks like a recess.
+    """
+    if len(sides) != 1:
+        return None
+    c, (u0, u1, z0, z1) = sides[0], box
+    into = (c.u > u0) & (c.u < u1) & (c.z > z0) & (c.z < z1) & (c.depth > band)
+    gap = _inside_edges(c, box).min(axis=0)
+    inner = into & (gap > RIM_M[1]) & (c.end_z > z0 + RIM_M[1])
+    if inner.sum() < LEAST_BACK:
+        return None
+    back = float(np.median(c.depth[inner]))
+    if back > DEEPEST_BACK_M:
+        return None
+    on = inner & (np.abs(c.depth - back) < band)
+    rim = into & (gap > RIM_M[0]) & (gap < RIM_M[1])
+    before = rim & (c.depth < back - FRAME_BEFORE_M)
+    if on.sum() < BACK_SHARE * inner.sum() or before.sum() > FRAMED_SHARE * rim.sum():
+        return None
+    return back
 
 
 def _inside_edges(c: Crossings, box: Box) -> NDArray[np.float64]:

@@ -40,7 +40,7 @@ from .opening_edges import (
     seen_edge,
     wall_lines,
 )
-from .opening_fill import is_filled
+from .opening_fill import is_filled, solid_back
 
 LEAST_CELL_M = 0.02
 LARGEST_CELL_M = 0.08
@@ -56,8 +56,15 @@ SAME_HOLE = 0.3
 """Of two openings that share this much of both sides of the smaller one, the larger one stays."""
 AROUND_M = 0.4
 """So far around a hole the wall tells how many rays were shot."""
+LOST_SHARE = 0.2
+"""In a room behind a hole all rays come back but a few; through a window into the open many do not."""
+SHALLOWEST_M = 0.05
+"""What lies less deep in a wall that was seen from one side is no recess: a part without the lining beside it."""
 FLOOR_SIGMA_M = 0.005
 """Of the height at which an opening without a sill ends: that of the floor beside it."""
+
+
+Kind = Literal["door", "window", "opening", "recess"]
 
 
 @dataclass(frozen=True)
@@ -68,9 +75,9 @@ class Opening:
     u1: float
     z0: float
     z1: float
-    kind: Literal["door", "window", "opening"]
+    kind: Kind
     filled: bool
-    """A leaf, pane or frame was seen in it."""
+    """A leaf, pane or frame was seen in it, or the back of a recess."""
     quality: float
     """Share of the known cells in the rectangle that are open, 0..1."""
     edge_sigma: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
@@ -79,6 +86,12 @@ class Opening:
     """Edges that were not seen (names of ``opening_edges.SIDES``): they lie between what was."""
     lost: float = 0.0
     """Share of the rays into it that sent nothing back, 0..1: as many as on the wall around it are taken to have been shot."""
+    foot_hidden: bool = False
+    """Whether it reaches the floor was not seen, so that it may be a door or a window; its kind is then opening."""
+    recess: float = 0.0
+    """How deep its solid back lies, of a recess [m]."""
+    down: bool = False
+    """It was seen to reach the floor."""
 
     @property
     def width(self) -> float:
@@ -89,11 +102,6 @@ class Opening:
     def height(self) -> float:
         """Metres."""
         return self.z1 - self.z0
-
-    @property
-    def foot_hidden(self) -> bool:
-        """Whether it reaches the floor was not seen, so that it may be a door or a window; its kind is then opening."""
-        return self.kind == "opening" and SIDES[2] in self.hidden
 
 
 def face_raster(sides: list[Crossings], u: tuple[float, float], z: tuple[float, float], band: float) -> FaceRaster:
@@ -148,9 +156,24 @@ def find_openings(
             continue
         whole = continued(state, rectangle)
         opening = _refined(raster, sides, whole, floor, thickness, band, open_cells / known)
-        if opening is not None:
-            out.append(replace(opening, lost=_lost_share(raster, sides, opening)))
+        if opening is None:
+            continue
+        opening = replace(opening, lost=_lost_share(raster, sides, opening))
+        back = solid_back(sides, (opening.u0, opening.u1, opening.z0, opening.z1), band)
+        if back is None:
+            out.append(replace(opening, kind=_kind(opening, lost)))
+        elif back >= SHALLOWEST_M:
+            out.append(replace(opening, kind="recess", recess=back, foot_hidden=False))
     return _apart(out)
+
+
+def _kind(opening: Opening, lost: bool) -> Kind:
+    """By what fills it; rays that do not come back have met panes, or passed them into the open (``lost``)."""
+    if opening.foot_hidden:
+        return "opening"
+    if opening.down and opening.height > DOOR_HEIGHT_M:
+        return "door" if opening.filled else "opening"
+    return "window" if opening.filled or (lost and opening.lost > LOST_SHARE) else "opening"
 
 
 def _lost_share(raster: FaceRaster, sides: list[Crossings], opening: Opening) -> float:
@@ -223,14 +246,10 @@ def _refined(
     if u1 - u0 < LEAST_SIDE_M or z1 - z0 < LEAST_SIDE_M:
         return None
     filled = is_filled(sides, (u0, u1, z0, z1), thickness, band)
-    kind: Literal["door", "window", "opening"] = "window"
-    if down and z1 - z0 > DOOR_HEIGHT_M:
-        kind = "door" if filled else "opening"
-    elif not found[2].seen and not wall_below and z1 - floor > DOOR_HEIGHT_M:
-        kind = "opening"
+    foot_hidden = not found[2].seen and not wall_below and z1 - floor > DOOR_HEIGHT_M
     hidden = tuple(name for name, e in zip(SIDES, found, strict=True) if not e.seen)
     sigmas = found[0].sigma, found[1].sigma, found[2].sigma, found[3].sigma
-    return Opening(u0, u1, z0, z1, kind, filled, quality, sigmas, hidden)
+    return Opening(u0, u1, z0, z1, "opening", filled, quality, sigmas, hidden, foot_hidden=foot_hidden, down=down)
 
 
 def _brackets(raster: FaceRaster, rectangle: Rectangle) -> list[tuple[float, float, float]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from shapely import MultiPolygon, Polygon, union_all
+from shapely.geometry.polygon import orient
 
 from ..errors import BimVerifyError
 from ..planes.cloud import Cloud, read_cloud
@@ -23,6 +24,8 @@ SLAB_M = 0.2
 SMALLEST_SLAB_M2 = 1.0
 LEAST_ON_OUTLINE = 0.85
 THICKEST_SLAB_M = 1.2
+LEAST_TURN_DEG, MOST_TURN_DEG, LEAST_ROUND = 3.0, 40.0, 4
+"""So many corners of a room that turn so little to the same side are a round wall."""
 MOST_POINTS = 12_000_000
 """Rays that are followed; more are thinned evenly, their surfels are not."""
 
@@ -119,6 +122,23 @@ def _level_fit(surfels: Surfels, level: float, side: float, source: str, pose_si
     )
 
 
+def round_corners(outline: Polygon) -> int:
+    """The most corners in a row of a room that turn a little and to the same side."""
+    ring = np.array(orient(outline).exterior.coords)[:-1]
+    along = np.roll(ring, -1, axis=0) - ring
+    course = np.degrees(np.arctan2(along[:, 1], along[:, 0]))
+    turn = (course - np.roll(course, 1) + 180.0) % 360.0 - 180.0
+    most = 0
+    for side in (1.0, -1.0):
+        bent = (side * turn > LEAST_TURN_DEG) & (side * turn < MOST_TURN_DEG)
+        if bent.all():
+            return len(bent)
+        first = int(np.argmin(bent))  # a row may go on over the ring's start
+        for run in np.split(np.roll(bent, -first), np.flatnonzero(~np.roll(bent, -first))):
+            most = max(most, int(run.sum()))
+    return most
+
+
 def _warnings(result: Reconstruction, storeys: list[Storey]) -> list[str]:
     out = []
     for built, storey in zip(result.storeys, storeys, strict=True):
@@ -136,6 +156,25 @@ def _warnings(result: Reconstruction, storeys: list[Storey]) -> list[str]:
     assumed = sum(w.fit.thickness_source == ASSUMED for s in result.storeys for w in s.walls)
     if assumed:
         out.append(f"{assumed} of {result.count('walls')} walls were seen from one side only; their thickness is assumed.")
+    for built in result.storeys:
+        out += [
+            f"{built.name}, wall {k}: {100 * w.step.share:.0f} % of what was seen of a face lies "
+            f"{1000 * abs(w.step.by):.0f} mm {'before' if w.step.by < 0 else 'behind'} the rest: a board, a lining, a leaf "
+            "that stands open, or wall beside one. The wall has one of the two for its face, or a place between them where "
+            "they are less than 15 mm apart."
+            for k, w in enumerate(built.walls, start=1) if w.step is not None
+        ]
+        out += [
+            f"{built.name}, room {k}: {turns} corners in a row turn by {LEAST_TURN_DEG:.0f} to {MOST_TURN_DEG:.0f} degrees to "
+            "the same side, so a wall is probably round there; it is not modelled as such, but as straight pieces."
+            for k, r in enumerate(built.rooms, start=1) if (turns := round_corners(r.outline)) >= LEAST_ROUND
+        ]
+    recesses = sum(o.kind == "recess" for s in result.storeys for w in s.walls for o in w.openings)
+    if recesses:
+        out.append(
+            f"Openings written as a recess, because their back is solid and no frame stands before it: {recesses}. A closed "
+            "leaf without a frame looks alike."
+        )
     columns = [c for s in result.storeys for c in s.columns]
     hidden = sum(bool(c.hidden) for c in columns)
     if hidden:

@@ -20,7 +20,7 @@ from .dimensions import storey_rows
 from .summary import summary_lines
 
 WIDTH = 760
-COLORS = {"door": "#b5651d", "window": "#3a7ca5", "opening": "#888888"}
+COLORS = {"door": "#b5651d", "window": "#3a7ca5", "opening": "#888888", "recess": "#c8a2c8"}
 
 
 def write_reconstruction_report(folder: str | Path, result: Reconstruction, comparison: Comparison | None) -> Path:
@@ -73,7 +73,7 @@ def _caption(storey: BuiltStorey) -> str:
     return (
         f"{len(storey.rooms)} rooms, {len(storey.walls)} walls; light grey: {assumed} walls whose thickness is "
         "assumed. Numbers on walls are those of the tables. Doors brown, windows blue, openings without a leaf, or whose foot "
-        "is hidden, grey."
+        "is hidden, grey, recesses violet."
     )
 
 
@@ -106,9 +106,10 @@ def _plan(storey: BuiltStorey) -> Markup:
         style = f'fill="{fill}" stroke="#222" stroke-width="0.5"'
         parts.append(polygon(w.footprint, style, f"Wall {k}: {w.thickness * 1000:.0f} mm"))
         for o in w.openings:
-            across = w.thickness / 2 * _left(w.along)
+            face, left = w.thickness / 2, _left(w.along)
+            back = (face - o.recess if o.recess else -face) * left
             ends = [w.start + w.along * u for u in (o.u0, o.u1)]
-            corners = [tuple(p) for p in (ends[0] - across, ends[1] - across, ends[1] + across, ends[0] + across)]
+            corners = [tuple(p) for p in (ends[0] + back, ends[1] + back, ends[1] + face * left, ends[0] + face * left)]
             name = "door or window, foot hidden" if o.foot_hidden else o.kind
             parts.append(polygon(Polygon(corners), f'fill="{COLORS[o.kind]}"', f"{name}: {o.width:.3f} x {o.height:.3f} m"))
     parts += [polygon(c.footprint, 'fill="#7a3b3b"', f"Column {k}") for k, c in enumerate(storey.columns, start=1)]

@@ -24,9 +24,10 @@ from .fitted import FIT_POINTS, LEAST_FIT, FaceReturns, Survey, face_returns, fi
 from .hole_rectangles import FaceRaster
 from .joins import JoinedWall, join_walls
 from .levels import Storey
-from .openings import Opening, face_raster, find_openings
+from .openings import LOST_SHARE, Opening, face_raster, find_openings
 from .plan import PlanRaster, make_plan
 from .rooms import Room, find_rooms
+from .steps import Step, find_step
 from .thickness import Hint, hint, settle
 from .walls import SEEN_OUTSIDE, WallLine, find_walls
 
@@ -39,8 +40,6 @@ BEFORE_WALL_M = 0.12
 HIGHEST = 0.97
 SLOPE_M = 0.1
 """A ceiling that is nowhere along a wall farther from its room's level is level there."""
-LOST_SHARE = 0.2
-"""In a room behind a hole all rays come back but a few."""
 
 
 @dataclass
@@ -73,8 +72,8 @@ class StoreyDraft:
     rooms: list[Room]
     levels: list[tuple[FaceReturns | None, FaceReturns | None]]
     """Floor and ceiling of each room."""
-    columns: list[tuple[Room, Array, NDArray[np.int64]]]
-    """Room, (N, 3) returns [m] and their stations of what may be a column."""
+    columns: list[tuple[Room, float, Array, NDArray[np.int64]]]
+    """Room, top [m], (N, 3) returns [m] and their stations of what may be a column."""
     band: float
     """Returns this close to a face are on it [m]."""
 
@@ -108,8 +107,8 @@ def draft_storey(
     for w in work:
         w.faces = _wall_returns(cloud, w, band, noise)
     columns = [
-        (room, cloud.points[rows].astype(np.float64), cloud.station[rows].astype(np.int64))
-        for room in rooms for rows in column_returns(room, upright, cloud)
+        (room, c.top, cloud.points[c.rows].astype(np.float64), cloud.station[c.rows].astype(np.int64))
+        for room in rooms for c in column_returns(room, upright, cloud, plan)
     ]  # fmt: skip
     levels = [
         (_level_returns(cloud, r, r.floor, 1.0, band, noise),
@@ -132,7 +131,7 @@ def finish_storey(draft: StoreyDraft, survey: Survey) -> StoreyParts:
         walls.append(
             BuiltWall(j.start, j.end, w.line.thickness, j.footprint, w.base, w.top, openings, j.joins,
                       tuple(sorted(w.line.rooms)), external, _record(w, fitted), lean.value, lean.sigma,
-                      tuple(fitted))
+                      tuple(fitted), _step(w, draft.band))
         )  # fmt: skip
     columns = [c for candidate in draft.columns if (c := _built_column(*candidate, draft.band, survey)) is not None]
     built = []
@@ -144,7 +143,7 @@ def finish_storey(draft: StoreyDraft, survey: Survey) -> StoreyParts:
 
 
 def _built_column(
-    room: Room, points: Array, station: NDArray[np.int64], band: float, survey: Survey
+    room: Room, top: float, points: Array, station: NDArray[np.int64], band: float, survey: Survey
 ) -> BuiltColumn | None:
     def fit_face(own: NDArray[np.int64]) -> Plane:
         own = own[:: max(1, len(own) // FIT_POINTS)]
@@ -158,7 +157,7 @@ def _built_column(
         shape.residual_mean, shape.residual_sigma, shape.seen, shape.position_sigma, EDGES if shape.hidden else MEASURED,
         shape.returns,
     )
-    return BuiltColumn(shape.footprint, shape.radius, room.floor, room.ceiling, fit, shape.hidden, shape.on)
+    return BuiltColumn(shape.footprint, shape.radius, room.floor, top, fit, shape.hidden, shape.on)
 
 
 def _without(room: Room, columns: list[BuiltColumn]) -> Polygon:
@@ -195,10 +194,17 @@ def _level_returns(
     rows = rows[:: max(1, len(rows) // (4 * FIT_POINTS))]
     rows = rows[contains_xy(inner, x[rows], y[rows])]
     at, ends = np.column_stack([x[rows], y[rows]]), np.array(room.outline.bounds).reshape(2, 2)
-    rows = rows[surface_returns(at, z[rows] - level, band, ends, np.zeros((0, 2, 2)))]
+    rows = rows[surface_returns(at, z[rows] - level, band, ends)]
     if len(rows) < LEAST_FIT:
         return None
     return face_returns(cloud, rows, "finished floor" if up > 0 else "finished wall", noise)
+
+
+def _step(work: _Work, band: float) -> Step | None:
+    u, z = (work.line.u0, work.line.u1), (work.base, work.top)
+    holes = [(o.u0, o.u1, o.z0, o.z1) for o in work.openings]
+    found = [find_step(side, u, z, band, holes) for side in work.sides]
+    return max((s for s in found if s is not None), key=lambda s: s.share, default=None)
 
 
 def _hint(work: _Work, band: float) -> Hint:

@@ -16,12 +16,14 @@ def summary_lines(result: Reconstruction) -> list[str]:
     openings = [o for s in result.storeys for w in s.walls for o in w.openings]
     kinds = [o.kind for o in openings]
     unclear = sum(o.foot_hidden for o in openings)
-    lines = [
-        f"{len(result.storeys)} storeys, {result.count('rooms')} rooms, {result.count('walls')} walls, "
-        f"{kinds.count('door')} doors, {kinds.count('window')} windows, "
-        f"{kinds.count('opening') - unclear} openings without a leaf, "
-        f"{result.count('columns')} columns from {result.returns:,} returns of {result.stations} stations."
-    ]
+    found = ", ".join([
+        counted(len(result.storeys), "storey"), *(counted(result.count(f"{what}s"), what) for what in ("room", "wall")),
+        counted(kinds.count("door"), "door"), counted(kinds.count("window"), "window"),
+        f"{counted(kinds.count('opening') - unclear, 'opening')} without a leaf",
+        *([counted(kinds.count("recess"), "recess", "recesses")] if "recess" in kinds else []),
+        counted(result.count("columns"), "column"),
+    ])  # fmt: skip
+    lines = [f"{found} from {result.returns:,} returns of {counted(result.stations, 'station')}."]
     sources = [w.fit.thickness_source for s in result.storeys for w in s.walls]
     lines.append(
         f"Thickness of walls: {sources.count(MEASURED)} measured between both faces, {sources.count(REVEAL)} from reveals, "
@@ -41,6 +43,11 @@ def summary_lines(result: Reconstruction) -> list[str]:
             "where it can be, and its sigma says how far it may be off."
         )
     return lines + [f"Note: {w}" for w in result.warnings]
+
+
+def counted(number: int, one: str, many: str = "") -> str:
+    """The number with its word."""
+    return f"{number} {one if number == 1 else many or f'{one}s'}"
 
 
 def reconstruction_to_json(result: Reconstruction, ids: Sequence[StoreyIds] = ()) -> dict[str, Any]:
@@ -75,11 +82,12 @@ def _storey(s: BuiltStorey, ids: StoreyIds, origin: list[float]) -> dict[str, An
              "thickness_source": w.fit.thickness_source, "fit_mean": w.fit.fit_mean, "fit_sigma": w.fit.fit_sigma,
              "position_sigma": w.fit.position_sigma, "quality": w.fit.quality, "external": w.external,
              "lean_rad": w.lean, "lean_sigma_rad": w.lean_sigma, "rooms": list(w.rooms),
+             "step": None if w.step is None else {"by": w.step.by, "share": w.step.share},
              "openings": [
                  {**_named(ids.openings[k] if ids.openings else (), n),
                   "kind": o.kind, "from": o.u0, "to": o.u1, "bottom": o.z0 + z, "top": o.z1 + z, "filled": o.filled,
                   "quality": o.quality, "edge_sigma": list(o.edge_sigma), "hidden_edges": list(o.hidden),
-                  "foot_hidden": o.foot_hidden}
+                  "foot_hidden": o.foot_hidden, "recess_depth": o.recess}
                  for n, o in enumerate(w.openings)
              ]}
             for k, w in enumerate(s.walls)

@@ -42,19 +42,22 @@ class Hint:
     leaf: float | None
     at_most: float = np.inf
     """Rays went on beside its holes at this depth."""
+    recess: float = 0.0
+    """Its deepest recess; the wall goes on behind it."""
 
 
 def hint(side: Crossings, openings: list[Opening], band: float) -> Hint:
     """From all openings of a wall."""
     reveals: list[Span] = []
     least, most, leaves = 0.0, np.inf, []
-    for opening in openings:
+    recess = max((o.recess for o in openings), default=0.0)
+    for opening in (o for o in openings if o.kind != "recess"):
         box = opening.u0, opening.u1, opening.z0, opening.z1
         most = min(most, passed_depth(side, box, _margins(opening)))
         span, leaf = reveal_depth(side, box, band)
         if leaf is not None:
             leaves.append(leaf)
-        if span is None or not LEAST_M < span[0] < MOST_M or opening.kind != "window":
+        if span is None or not LEAST_M < span[0] < MOST_M or opening.kind == "door" or opening.down or opening.foot_hidden:
             continue
         least = max(least, span[0])
         if leaf is None or span[0] > leaf + BEYOND_LEAF_M:
@@ -62,7 +65,8 @@ def hint(side: Crossings, openings: list[Opening], band: float) -> Hint:
     # reveals end at the frame in other openings of the same wall: a depth is an end only if nothing goes deeper
     reveals = [r for r in reveals if r[1] >= least and not (leaves and r[0] < min(leaves) + BEYOND_LEAF_M)]
     reveal = _ended((_common(reveals) or max(reveals)), most) if reveals else None
-    return Hint(reveal, least, float(np.median(leaves)) if leaves else None, most if most > least - REVEAL_SIGMA_M else np.inf)
+    most = most if most > least - REVEAL_SIGMA_M else np.inf
+    return Hint(reveal, least, float(np.median(leaves)) if leaves else None, most, recess)
 
 
 def _margins(opening: Opening) -> tuple[float, float, float, float]:
@@ -113,5 +117,7 @@ def settle(walls: list[WallLine], hints: list[Hint]) -> None:
         else:
             wall.thickness = middle if middle is not None else DEFAULT_M
         wall.thickness = min(wall.thickness, h.at_most)
+        if h.recess:
+            wall.thickness = max(wall.thickness, h.recess + BEHIND_LEAF_M)
         if wall.source == ASSUMED and h.leaf is not None:
             wall.thickness_sigma = LEAF_SIGMA_M

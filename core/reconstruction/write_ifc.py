@@ -181,16 +181,21 @@ class _Writer:
     ) -> Any | None:
         f = self.file
         hole = self.api.root.create_entity(f, "IfcOpeningElement", name=f"Opening {name}")
-        hole.PredefinedType = "OPENING"
+        recess = opening.kind == "recess"
+        hole.PredefinedType = "RECESS" if recess else "OPENING"
         if opening.foot_hidden:
             hole.Description = "A door or a window: its foot is hidden"
-        deep = wall.thickness + 2 * THROUGH_M
-        self._place(hole, host_place, np.array([opening.u0, -deep / 2, opening.z0 - wall.base]))
+        elif recess:
+            hole.Description = "A recess with a solid back; a closed leaf without a frame would look alike"
+        # the wall was seen from its left
+        back = wall.thickness / 2 - opening.recess if recess else -wall.thickness / 2 - THROUGH_M
+        deep = wall.thickness / 2 + THROUGH_M - back
+        self._place(hole, host_place, np.array([opening.u0, back, opening.z0 - wall.base]))
         self._body(hole, self._extrude(self._rectangle(0.0, opening.width, 0.0, deep), 0.0, opening.height))
         f.create_entity("IfcRelVoidsElement", GlobalId=_new(), RelatingBuildingElement=host, RelatedOpeningElement=hole)
         self._opening_pset(hole, wall, opening)
         self.made[-1]["openings"].append(hole)
-        if opening.kind == "opening":
+        if opening.kind in ("opening", "recess"):
             return None
         door = opening.kind == "door"
         filling = self.api.root.create_entity(f, "IfcDoor" if door else "IfcWindow", name=f"{opening.kind.title()} {name}")

@@ -107,3 +107,24 @@ def flat() -> PlannedStorey:
         walls, rooms, (), furniture,
         ((2.0, 2.8, 1.5), (3.8, 4.7, 1.6), (1.7, 5.4, 1.5), (6.0, 2.6, 1.6), (6.6, 5.4, 1.55)),
     )
+
+
+def lined() -> PlannedStorey:
+    """Two rooms with what lies flat on walls or in them: a board, a lining, a wainscot, skirting, recesses, a bare hatch."""
+    outline = ((0.0, 0.0), (9.0, 0.0), (9.0, 5.0), (0.0, 5.0))
+    partition = PlannedWall(
+        "Partition", (5.0, 0.0), (5.0, 5.0), 0.05, 0.05,
+        (door(1.0, filling="none"), PlannedOpening(3.4, 1.2, 1.0, 0.9, "none")),
+    )  # fmt: skip
+    rooms = (((0, 0), (4.95, 0), (4.95, 5), (0, 5)), ((5.05, 0), (9, 0), (9, 5), (5.05, 5)))
+    flat_things = (
+        Furniture("Whiteboard", (2.4, 4.99), (2.0, 0.02, 1.2), 0.9), Furniture("Lining", (7.0, 4.99), (0.9, 0.02, 2.7)),
+        Furniture("Wainscot", (7.025, 0.015), (3.95, 0.03, 0.9)), Furniture("Skirting", (0.0075, 2.5), (0.015, 5.0, 0.1)),
+    )  # fmt: skip
+    return PlannedStorey(
+        "Lined", 2.7, outline, 0.3,
+        {0: (window(2.5), window(7.0)), 1: (PlannedOpening(3.2, 1.2, 0.0, 2.1, "none", 0.12),),
+         3: (PlannedOpening(2.5, 1.0, 0.5, 1.6, "none", 0.2),)},
+        (partition,), rooms, (), flat_things,
+        ((1.5, 1.2, 1.5), (3.8, 3.6, 1.55), (6.3, 1.4, 1.5), (7.6, 3.7, 1.55)),
+    )

@@ -27,6 +27,8 @@ class PlannedOpening:
     sill: float
     height: float
     filling: Filling
+    depth: float = 0.0
+    """Above 0: a recess so deep into the wall's left side."""
 
 
 @dataclass(frozen=True)
@@ -204,7 +206,14 @@ class _StoreyMaker:
         host = self._solid("IfcWall", wall.name, outline, 0.0, self.storey.height, "plaster", predefined="SOLIDWALL")
         for k, o in enumerate(wall.openings):
             filling = self._filling(wall, o, f"{wall.name} {'Window' if o.filling == 'window' else 'Door'} {k + 1}")
-            hole = self._prism(wall.outline(o.at - o.width / 2, o.at + o.width / 2, 0.05), o.sill, o.height, "white")
+            u0, u1, through = o.at - o.width / 2, o.at + o.width / 2, 0.05
+            outline = wall.outline(u0, u1, through)
+            if o.depth:
+                outline = [
+                    wall.point(u, wall.left + across) for u, across in
+                    ((u0, -o.depth), (u1, -o.depth), (u1, through), (u0, through))
+                ]  # fmt: skip
+            hole = self._prism(outline, o.sill, o.height, "white")
             self.builder.opening(host, hole, filling)
 
     def _filling(self, wall: PlannedWall, o: PlannedOpening, name: str) -> Any | None:

@@ -278,6 +278,16 @@ def test_info_says_what_files_hold(data: Path, place: Path) -> None:
     assert files[0]["elements"] == {"IfcColumn": 1, "IfcSlab": 1, "IfcWall": 3}
 
 
+def test_a_reader_that_has_gone_is_no_error(data: Path, place: Path) -> None:
+    command = [sys.executable, "-m", "bim_verify", "info", str(data / "model.ifc")]
+    process = subprocess.Popen(command, cwd=place, env=environment(place), stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout is not None and process.stderr is not None
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    process.stderr.close()
+    assert process.wait(TIMEOUT_S) == 0
+
+
 @pytest.mark.parametrize("name", ["empty.e57", "truncated.e57", "missing.e57", "text.ifc"])
 def test_info_on_what_cannot_be_read(name: str, data: Path, place: Path) -> None:
     says_one_sentence(run(place, "info", data / name), 1, name)

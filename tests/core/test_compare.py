@@ -40,6 +40,17 @@ def test_what_the_number_does_not_see_is_in_the_lines(other: ModelFile, said: st
     assert max(walls["length_max_m"], walls["height_max_m"]) > 1.0
 
 
+def test_of_a_class_that_the_reference_does_not_have_no_share_is_told(tmp_path: Path) -> None:
+    more = two_walls()
+    more.product("IfcColumn", "c", more.box(0.3, 0.3, 2.6), at(x=3, y=2))
+    result = against(more, two_walls())
+    assert "columns: 1 found, none in the reference." in comparison_lines(result)
+    page = write_comparison_report(tmp_path, result, "a.ifc", "b.ifc").read_text(encoding="utf-8")
+    row = page[page.index("<tbody>") :]
+    row = row[row.index("columns") :].split("</tr>")[0]
+    assert "1" in row and "0.0" not in row
+
+
 def test_a_round_column_turned_about_its_axis_is_the_same() -> None:
     def column(turn: float) -> Shapes:
         made = ModelFile("IFC4", "m")

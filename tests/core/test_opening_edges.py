@@ -144,9 +144,9 @@ def test_a_hole_whose_foot_is_hidden_is_neither_door_nor_window(hole: tuple[floa
     assert opening.z1 == pytest.approx(hole[3], abs=0.01)
 
 
-def test_wall_seen_below_a_hidden_sill_says_window() -> None:
+def test_wall_seen_below_a_hidden_sill_says_no_door() -> None:
     opening = found((0.5, 3.0, 0.25, 0.8), WINDOW)
-    assert opening.kind == "window" and not opening.foot_hidden
+    assert opening.kind == "opening" and not opening.foot_hidden
     assert opening.hidden == ("sill",)
     assert opening.z0 - 2 * opening.edge_sigma[2] < WINDOW[2] < opening.z0 + 2 * opening.edge_sigma[2]
 

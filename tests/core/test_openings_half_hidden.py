@@ -87,5 +87,5 @@ def test_a_row_of_returns_on_a_cupboards_top_is_not_the_sill(row: Box) -> None:
 
 def test_a_low_strip_of_wall_over_a_cupboard_shows_the_sill() -> None:
     (opening,) = openings([(1.0, 2.2, 0.9, 2.1)], [(0.6, 2.8, 0.0, 0.84)])
-    assert opening.kind == "window" and opening.hidden == ()
+    assert not opening.foot_hidden and opening.hidden == ()
     assert opening.z0 == pytest.approx(0.9, abs=0.006)

@@ -12,12 +12,13 @@ import ifcopenshell.util.element
 import ifcopenshell.validate
 import numpy as np
 import pytest
-from shapely import box
+from shapely import Point, Polygon, box
 
 from bim_verify.cli import main
 from bim_verify.core.model.load import load_model
 from bim_verify.core.reconstruction.compare import Comparison, compare
 from bim_verify.core.reconstruction.openings import Opening
+from bim_verify.core.reconstruction.reconstruct import round_corners
 from bim_verify.core.reconstruction.rooms import Room
 from bim_verify.core.reconstruction.shapes import read_shapes
 from bim_verify.core.reconstruction.storey import is_external
@@ -89,6 +90,14 @@ def test_a_wall_is_an_outer_one_only_where_the_outside_was_seen(
     line = WallLine(np.array([1.0, 0.0]), 0.0, 0.2, "ASSUMED", -2.0, 2.0, [piece])
     window = Opening(-0.5, 0.5, 0.9, 2.1, "window", False, 1.0, lost=lost)
     assert is_external(line, (window,), [room], np.array([[*station, 1.5]])) is expected
+
+
+def test_a_room_with_a_round_wall_is_told_from_one_with_slanted_corners() -> None:
+    arc = [(5 + 2.5 * np.cos(a), 2.5 + 2.5 * np.sin(a)) for a in np.radians(np.arange(-75.0, 80.0, 15.0))]
+    assert round_corners(Polygon([(0, 0), (5, 0), *arc, (5, 5), (0, 5)])) >= 10
+    assert round_corners(Polygon([(0, 0), (5, 0), (6, 0.4), (6, 4), (0, 5)])) < 3
+    assert round_corners(box(0, 0, 4, 3)) == 0
+    assert round_corners(Point(0, 0).buffer(3.0)) > 10
 
 
 def test_openings_say_how_surely_their_edges_are_known(built: tuple[Path, Path]) -> None:

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bim_verify.core.errors import BimVerifyError
+from bim_verify.core.jobs import reconstruct
 from bim_verify.core.jobs.inputs import open_campaign
 from bim_verify.core.model.load import load_model
 from bim_verify.core.options import InputOptions
@@ -67,6 +68,8 @@ def test_a_job_refuses_it_and_takes_the_true_position(tmp_path: Path) -> None:
     path = write(tmp_path / "a.e57", MERGED)
     with pytest.raises(BimVerifyError, match=r"stood at 0, 0, 0.*--origin"):
         open_campaign(model, [path], InputOptions())
+    with pytest.raises(BimVerifyError, match=r"stood at 0, 0, 0.*--origin"):
+        reconstruct([path])
     source = open_campaign(model, [path], InputOptions(origin=(1.2, -0.4, 0.1)))
     assert source.stations[0].position.tolist() == [1.2, -0.4, 0.1]
     returns = np.concatenate([block.offsets for block in source.blocks()]) + source.stations[0].position
