@@ -22,6 +22,7 @@ LEAST_AREA_M2 = 0.5
 SHARE_OF_LARGEST = 0.25
 """A level counts as floor when it shows this share of the largest level's area: tables show less."""
 STOREYS_APART_M = 1.2
+UNDER_FLOOR_M = 0.03
 
 
 @dataclass(frozen=True)
@@ -44,26 +45,31 @@ def find_storeys(surfels: Surfels, stations: Array) -> list[Storey]:
     stands = []
     for index, place in enumerate(stations):
         floor = _level(up, place, -BELOW_M[1], -BELOW_M[0], lowest=True)
-        ceiling = _level(down, place, *ABOVE_M, lowest=False)
         if floor is not None:
-            stands.append((floor, ceiling, index))
-    covered = [s for s in stands if s[1] is not None]
-    stands = sorted(covered or stands, key=lambda s: s[0])
-    groups: list[list[tuple[float, float | None, int]]] = []
-    for stand in stands:
+            stands.append((floor, index))
+    covered = [s for s in stands if _level(down, stations[s[1]], *ABOVE_M, lowest=False) is not None]
+    groups: list[list[tuple[float, int]]] = []
+    for stand in sorted(covered or stands):
         if groups and stand[0] - groups[-1][-1][0] < STOREYS_APART_M:
             groups[-1].append(stand)
         else:
             groups.append([stand])
-    floors = [float(np.median([s[0] for s in group])) for group in groups]
+    floors = [float(np.median([floor for floor, _ in group])) for group in groups]
     highest = float(surfels.position[:, 2].max()) if len(surfels) else 0.0
     out = []
     for k, group in enumerate(groups):
-        top = floors[k + 1] - 0.03 if k + 1 < len(groups) else highest
-        ceilings = [s[1] for s in group if s[1] is not None and s[1] < top + 0.03]
-        ceiling = float(np.median(ceilings)) if ceilings else top
-        out.append(Storey(floors[k], ceiling, bool(ceilings), top, tuple(s[2] for s in group)))
+        own = tuple(index for _, index in group)
+        above = floors[k + 1] if k + 1 < len(groups) else np.inf
+        top = above - UNDER_FLOOR_M if np.isfinite(above) else highest
+        ceilings = [_ceiling(down, stations[index], above) for index in own]
+        seen = [height for height in ceilings if height is not None]
+        out.append(Storey(floors[k], float(np.median(seen)) if seen else top, bool(seen), top, own))
     return out
+
+
+def _ceiling(down: Surfels, place: Array, above: float) -> float | None:
+    """The largest level over a station and below the floor ``above``: a stair's opening shows that storey's ceiling as well."""
+    return _level(down, place, ABOVE_M[0], min(ABOVE_M[1], above - place[2]), lowest=False)
 
 
 def _level(flat: Surfels, place: Array, low: float, high: float, *, lowest: bool) -> float | None:
