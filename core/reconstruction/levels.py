@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,10 @@ SHARE_OF_LARGEST = 0.25
 """A level counts as floor when it shows this share of the largest level's area: tables show less."""
 STOREYS_APART_M = 1.2
 UNDER_FLOOR_M = 0.03
+OVER_M = 1.0
+"""So far about a station (in plan) is what is right over it."""
+PAST_M = 0.3
+"""A room reaches past the next storey's floor when its ceiling is so much higher."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,14 @@ class Storey:
     top: float
     """Nothing above this belongs to the storey: the next floor, or the highest return."""
     stations: tuple[int, ...]
+    past: float = np.inf
+    """Floor of the next storey, where rooms of this one reach past it: it ends them only where that floor is."""
+    beside: bool = False
+    """Rooms of the storey below reach past this floor, so it does not lie everywhere."""
+
+    def closed(self) -> Storey:
+        """The same if none of its rooms reaches past the next floor."""
+        return replace(self, top=self.past - UNDER_FLOOR_M, past=np.inf)
 
 
 def find_storeys(surfels: Surfels, stations: Array) -> list[Storey]:
@@ -56,14 +68,18 @@ def find_storeys(surfels: Surfels, stations: Array) -> list[Storey]:
             groups.append([stand])
     floors = [float(np.median([floor for floor, _ in group])) for group in groups]
     highest = float(surfels.position[:, 2].max()) if len(surfels) else 0.0
-    out = []
+    out: list[Storey] = []
     for k, group in enumerate(groups):
         own = tuple(index for _, index in group)
         above = floors[k + 1] if k + 1 < len(groups) else np.inf
-        top = above - UNDER_FLOOR_M if np.isfinite(above) else highest
+        through = [height for index in own if (height := _over(up, down, stations[index], above)) is not None]
+        limit = min((f for f in floors if f > max(through, default=floors[k])), default=np.inf)
         ceilings = [_ceiling(down, stations[index], above) for index in own]
-        seen = [height for height in ceilings if height is not None]
-        out.append(Storey(floors[k], float(np.median(seen)) if seen else top, bool(seen), top, own))
+        seen = [height for height in ceilings if height is not None] or through
+        top = limit - UNDER_FLOOR_M if np.isfinite(limit) else highest
+        ceiling = float(np.median(seen)) if seen else top
+        beside = bool(out) and np.isfinite(out[-1].past)
+        out.append(Storey(floors[k], ceiling, bool(seen), top, own, above if through else np.inf, beside))
     return out
 
 
@@ -72,10 +88,21 @@ def _ceiling(down: Surfels, place: Array, above: float) -> float | None:
     return _level(down, place, ABOVE_M[0], min(ABOVE_M[1], above - place[2]), lowest=False)
 
 
-def _level(flat: Surfels, place: Array, low: float, high: float, *, lowest: bool) -> float | None:
+def _over(up: Surfels, down: Surfels, place: Array, above: float) -> float | None:
+    """What is right over a station if that is past the floor ``above``, and that floor is not."""
+    height = _level(down, place, *ABOVE_M, lowest=True, around=OVER_M)
+    if height is None or height < above + PAST_M:
+        return None
+    on_floor = (np.abs(up.position[:, 2] - above) < PAST_M) & (np.hypot(*(up.position[:, :2] - place[:2]).T) < OVER_M)
+    return None if up.area[on_floor].sum() > LEAST_AREA_M2 else height
+
+
+def _level(
+    flat: Surfels, place: Array, low: float, high: float, *, lowest: bool, around: float = AROUND_M
+) -> float | None:
     """Height of the largest level (or the lowest one nearly as large) between two heights above ``place``."""
     z = flat.position[:, 2] - place[2]
-    near = (z > low) & (z < high) & (np.hypot(*(flat.position[:, :2] - place[:2]).T) < AROUND_M)
+    near = (z > low) & (z < high) & (np.hypot(*(flat.position[:, :2] - place[:2]).T) < around)
     if flat.area[near].sum() < LEAST_AREA_M2:
         return None
     height, area = flat.position[near, 2], flat.area[near]

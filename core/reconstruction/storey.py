@@ -19,7 +19,7 @@ from .column_fit import fit_column
 from .columns import column_returns
 from .crossings import BAND_M, Crossings, cross
 from .face_points import EDGE_M, REACH_M, surface_returns
-from .faces import find_faces, upright_surfels
+from .faces import Face, find_faces, upright_surfels
 from .fitted import FIT_POINTS, LEAST_FIT, FaceReturns, Survey, face_returns, fitted_face, returns_on, room_faces
 from .hole_rectangles import FaceRaster
 from .joins import JoinedWall, join_walls
@@ -39,6 +39,9 @@ BEFORE_WALL_M = 0.12
 HIGHEST = 0.97
 SLOPE_M = 0.1
 """A ceiling that is nowhere along a wall farther from its room's level is level there."""
+LEAST_WALL_HEIGHT_M = 0.3
+INTO_WALL_M = 0.03
+MOSTLY = 0.8
 LOST_SHARE = 0.2
 """In a room behind a hole all rays come back but a few."""
 
@@ -85,21 +88,21 @@ class StoreyDraft:
 
 
 def draft_storey(
-    cloud: Cloud, surfels: Surfels, storey: Storey, noise: PointNoise, progress: Progress
+    cloud: Cloud, surfels: Surfels, storey: Storey, noise: PointNoise, progress: Progress, below: StoreyDraft | None = None
 ) -> StoreyDraft:
-    """What there is in one storey, and the returns on its faces."""
+    """What there is in one storey, and the returns on its faces. On walls of ``below`` that reach up into it its own stand."""
     progress.update(0.0, "Finding rooms")
-    plan = make_plan(cloud, surfels, storey)
-    upright = upright_surfels(surfels, storey.floor + 0.03, storey.top)
-    faces = find_faces(upright)
-    progress.update(0.3, "Finding rooms")
-    rooms = find_rooms(plan, faces, storey)
+    plan, upright, faces, rooms = _rooms(cloud, surfels, storey)
+    if np.isfinite(storey.past) and not any(r.ceiling > storey.past for r in rooms):
+        storey = storey.closed()
+        plan, upright, faces, rooms = _rooms(cloud, surfels, storey)
+    progress.update(0.3, "Finding walls")
     lines = find_walls(rooms, faces)
     band = max(BAND_M, NOISE_FACTOR * noise.sigma_range)
     work = []
     for k, line in enumerate(lines):
         progress.update(0.35 + 0.5 * k / max(len(lines), 1), "Looking for openings")
-        found = _examine(cloud, line, rooms, storey, plan, band)
+        found = _examine(cloud, line, rooms, storey, plan, band, below)
         if found is not None:
             work.append(found)
     settle([w.line for w in work], [_hint(w, band) for w in work])
@@ -117,6 +120,13 @@ def draft_storey(
         for r in rooms
     ]  # fmt: skip
     return StoreyDraft(work, joined, rooms, levels, columns, band)
+
+
+def _rooms(cloud: Cloud, surfels: Surfels, storey: Storey) -> tuple[PlanRaster, Surfels, list[Face], list[Room]]:
+    plan = make_plan(cloud, surfels, storey)
+    upright = upright_surfels(surfels, storey.floor + 0.03, storey.top)
+    faces = find_faces(upright)
+    return plan, upright, faces, find_rooms(plan, faces, storey)
 
 
 def finish_storey(draft: StoreyDraft, survey: Survey) -> StoreyParts:
@@ -208,10 +218,13 @@ def _hint(work: _Work, band: float) -> Hint:
 
 
 def _examine(
-    cloud: Cloud, line: WallLine, rooms: list[Room], storey: Storey, plan: PlanRaster, band: float
+    cloud: Cloud, line: WallLine, rooms: list[Room], storey: Storey, plan: PlanRaster, band: float, below: StoreyDraft | None
 ) -> _Work | None:
     base = min((rooms[r].floor for r in line.rooms), default=storey.floor)
     top = max((ceiling_along(plan, line, r, rooms[r].ceiling) for r in line.rooms), default=storey.ceiling)
+    base = max(base, _top_below(line, below)) if below is not None else base
+    if top - base < LEAST_WALL_HEIGHT_M:
+        return None
     u, z = (line.u0, line.u1), (base, top)
     sides = [cross(cloud, line.normal, line.near, line.along, u, z, band)]
     if line.two_sided:
@@ -223,6 +236,14 @@ def _examine(
     lost = any(p.right < 0 for p in line.pieces)
     openings = find_openings(raster, sides, base, line.thickness or 0.5, band, lost)
     return _Work(line, sides, raster, openings, base, top)
+
+
+def _top_below(line: WallLine, below: StoreyDraft) -> float:
+    """Top of the wall of the storey below that stands in the same place along most of a line [m]."""
+    u = np.linspace(line.u0, line.u1, 50)[:, None]
+    x, y = (u * line.along + (line.near - INTO_WALL_M) * line.normal).T
+    walls = zip(below.work, below.joined, strict=True)
+    return max((w.top for w, j in walls if contains_xy(j.footprint, x, y).mean() > MOSTLY), default=-np.inf)
 
 
 def ceiling_along(plan: PlanRaster, line: WallLine, room: int, level: float) -> float:

@@ -49,3 +49,12 @@ def test_a_station_outside_is_on_no_storey() -> None:
     shown = surfels(level(0.0, 1.0, (0.0, 7.0)), level(2.7, -1.0, (0.0, 7.0)), level(-2.0, 1.0, (20.0, 27.0)))
     (only,) = find_storeys(shown, np.array([[1.5, 1.2, 1.5], [23.0, 2.0, -0.4]]))
     assert only.stations == (0,) and only.floor == pytest.approx(0.0)
+
+
+def test_a_storey_under_a_gallery_goes_on_past_its_deck_and_the_next_is_beside_it() -> None:
+    shown = surfels(
+        level(0.0, 1.0, (0.0, 7.0)), level(2.4, -1.0, (4.0, 7.0)), level(2.6, 1.0, (4.0, 7.0)), level(5.2, -1.0, (0.0, 7.0))
+    )
+    lower, deck = find_storeys(shown, np.array([[1.5, 1.2, 1.5], [5.5, 2.5, 1.5], [5.5, 2.5, 4.1]]))
+    assert lower.past == pytest.approx(2.6) and lower.top == pytest.approx(5.2) and not lower.beside
+    assert deck.beside and np.isinf(deck.past) and lower.closed().top < 2.6
