@@ -18,6 +18,8 @@ from .openings import Opening
 Array = NDArray[np.float64]
 
 MEASURED, REVEAL, ASSUMED = "MEASURED", "REVEAL", "ASSUMED"
+SEEN = "SEEN"
+"""Of a height: floor and ceiling were seen, but not fitted both."""
 EDGES = "EDGES"
 """Of a column with a hidden side: its thickness follows from where the faces beside it end."""
 
@@ -77,6 +79,8 @@ class BuiltWall:
     external: bool | None
     """Its other side is the outside; None where nothing tells what is there."""
     fit: FitRecord
+    height_source: str = ""
+    """MEASURED between fitted floors and ceilings of all its rooms, SEEN, or ASSUMED where no ceiling was seen; or empty."""
     lean: float = 0.0
     """Of its faces from the vertical, rad."""
     lean_sigma: float = 0.0
@@ -106,6 +110,8 @@ class BuiltColumn:
     """Sides that no scanner saw (``column_fit.SIDES``)."""
     on: float = 1.0
     """Share of the returns about it that lie on its outline."""
+    height_source: str = ""
+    """As of a wall."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +136,8 @@ class BuiltRoom:
     floor_face: FittedFace | None = None
     ceiling_face: FittedFace | None = None
     wall_faces: tuple[RoomFace, ...] = ()
+    height_source: str = ""
+    """As of a wall."""
 
 
 @dataclass(frozen=True)

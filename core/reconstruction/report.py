@@ -45,7 +45,8 @@ def write_reconstruction_report(folder: str | Path, result: Reconstruction, comp
             f"{storey.name}: rooms", columns=("Room", "Area m2", "Perimeter m", "Floor m", "Clear height m"),
             rows=[
                 (f"Room {k}", f"{r.outline.area:.2f}", f"{r.outline.exterior.length:.2f}",
-                 f"{r.floor + result.origin[2]:.3f}", f"{r.ceiling - r.floor:.3f}")
+                 f"{r.floor + result.origin[2]:.3f}",
+                 "not seen" if r.height_source == ASSUMED else f"{r.ceiling - r.floor:.3f}")
                 for k, r in enumerate(storey.rooms, start=1)
             ],
             numeric=frozenset({1, 2, 3, 4}),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from ..planes.fit import Plane
 from ..planes.noise import PointNoise
 from ..planes.surfels import Surfels
 from ..progress import Progress
-from .building import ASSUMED, EDGES, MEASURED, BuiltColumn, BuiltRoom, BuiltWall, FitRecord, FittedFace
+from .building import ASSUMED, EDGES, MEASURED, SEEN, BuiltColumn, BuiltRoom, BuiltWall, FitRecord, FittedFace
 from .column_fit import fit_column
 from .columns import column_returns
 from .crossings import BAND_M, Crossings, cross
@@ -80,11 +81,19 @@ class StoreyDraft:
     """Room, (N, 3) returns [m] and their stations of what may be a column."""
     band: float
     """Returns this close to a face are on it [m]."""
+    has_ceiling: bool
 
     @property
     def faces(self) -> list[FaceReturns]:
         """All of the storey."""
         return [f for w in self.work for f in w.faces] + [f for pair in self.levels for f in pair if f is not None]
+
+    def height_source(self, rooms: Sequence[Room]) -> str:
+        """Where the heights of some of its rooms come from, at worst (``BuiltWall.height_source``)."""
+        if not self.has_ceiling:
+            return ASSUMED
+        own = [pair for room, pair in zip(self.rooms, self.levels, strict=True) if any(room is r for r in rooms)]
+        return MEASURED if own and all(f is not None for pair in own for f in pair) else SEEN
 
 
 def draft_storey(
@@ -119,7 +128,7 @@ def draft_storey(
          _level_returns(cloud, r, r.ceiling, -1.0, band, noise) if storey.has_ceiling else None)
         for r in rooms
     ]  # fmt: skip
-    return StoreyDraft(work, joined, rooms, levels, columns, band)
+    return StoreyDraft(work, joined, rooms, levels, columns, band, storey.has_ceiling)
 
 
 def _rooms(cloud: Cloud, surfels: Surfels, storey: Storey) -> tuple[PlanRaster, Surfels, list[Face], list[Room]]:
@@ -141,34 +150,37 @@ def finish_storey(draft: StoreyDraft, survey: Survey) -> StoreyParts:
         external = is_external(w.line, openings, draft.rooms, survey.stations)
         walls.append(
             BuiltWall(j.start, j.end, w.line.thickness, j.footprint, w.base, w.top, openings, j.joins,
-                      tuple(sorted(w.line.rooms)), external, _record(w, fitted), lean.value, lean.sigma,
-                      tuple(fitted))
+                      tuple(sorted(w.line.rooms)), external, _record(w, fitted),
+                      draft.height_source([draft.rooms[r] for r in w.line.rooms]), lean.value, lean.sigma, tuple(fitted))
         )  # fmt: skip
-    columns = [c for candidate in draft.columns if (c := _built_column(*candidate, draft.band, survey)) is not None]
+    columns = [c for candidate in draft.columns if (c := _built_column(draft, *candidate, survey)) is not None]
     built = []
     for room, (bottom, top) in zip(draft.rooms, draft.levels, strict=True):
         floor, ceiling = (None if f is None else fitted_face(f, survey) for f in (bottom, top))
         own = room_faces(room.outline, pairs, survey)
-        built.append(BuiltRoom(_without(room, columns), room.floor, room.ceiling, floor, ceiling, own))
+        built.append(BuiltRoom(_without(room, columns), room.floor, room.ceiling, floor, ceiling, own,
+                               draft.height_source([room])))
     return StoreyParts(draft.rooms, built, walls, columns)
 
 
 def _built_column(
-    room: Room, points: Array, station: NDArray[np.int64], band: float, survey: Survey
+    draft: StoreyDraft, room: Room, points: Array, station: NDArray[np.int64], survey: Survey
 ) -> BuiltColumn | None:
     def fit_face(own: NDArray[np.int64]) -> Plane:
         own = own[:: max(1, len(own) // FIT_POINTS)]
         face = returns_on(points[own], station[own], survey.stations, "finished wall", survey.noise)
         return fitted_face(face, survey).plane
 
-    shape = fit_column(points, survey.stations[station], band, fit_face, survey.poses.sigma)
+    shape = fit_column(points, survey.stations[station], draft.band, fit_face, survey.poses.sigma)
     if shape is None:
         return None
     fit = FitRecord(
         shape.residual_mean, shape.residual_sigma, shape.seen, shape.position_sigma, EDGES if shape.hidden else MEASURED,
         shape.returns,
     )
-    return BuiltColumn(shape.footprint, shape.radius, room.floor, room.ceiling, fit, shape.hidden, shape.on)
+    return BuiltColumn(
+        shape.footprint, shape.radius, room.floor, room.ceiling, fit, shape.hidden, shape.on, draft.height_source([room])
+    )
 
 
 def _without(room: Room, columns: list[BuiltColumn]) -> Polygon:

@@ -14,9 +14,9 @@ from shapely.geometry.polygon import orient
 
 from ... import __version__
 from ..files import whole_file
-from .building import BuiltSlab, BuiltStorey, BuiltWall, FitRecord, Reconstruction, StoreyIds
+from .building import ASSUMED, BuiltColumn, BuiltRoom, BuiltSlab, BuiltStorey, BuiltWall, FitRecord, Reconstruction, StoreyIds
 from .openings import Opening
-from .shapes import HIDDEN_EDGES, HIDDEN_FACES, PSET_NAME
+from .shapes import HEIGHT_SOURCE, HIDDEN_EDGES, HIDDEN_FACES, PSET_NAME
 
 Array = NDArray[np.float64]
 
@@ -128,7 +128,7 @@ class _Writer:
             profile = self._circle(centre.x, centre.y, column.radius) if column.radius else self._profile(column.footprint)
             self._body(product, self._extrude(profile, column.base - built.floor, column.top - column.base))
             hidden = {} if column.radius else {HIDDEN_FACES: f.create_entity("IfcLabel", ", ".join(column.hidden) or "none")}
-            self._pset(product, column.fit, hidden)
+            self._pset(product, column.fit, self._height_source(column) | hidden)
             made["columns"].append(product)
             contained.append(product)
         for slab in built.slabs:
@@ -137,7 +137,8 @@ class _Writer:
             space = self._element("IfcSpace", f"Room {number}", place, "INTERNAL")
             space.CompositionType = "ELEMENT"
             self._body(space, self._extrude(self._profile(room.outline), room.floor - built.floor, room.ceiling - room.floor))
-            self._quantities(space, room.outline, room.ceiling - room.floor)
+            self._set(space, PSET_NAME, self._height_source(room) | self._method())
+            self._quantities(space, room.outline, None if room.height_source == ASSUMED else room.ceiling - room.floor)
             spaces.append(space)
         self._aggregate(storey, spaces)
         if contained:
@@ -165,7 +166,7 @@ class _Writer:
         line = f.create_entity("IfcPolyline", [self._point((0.0, 0.0)), self._point((wall.length, 0.0))])
         axis = f.create_entity("IfcShapeRepresentation", self.axis, "Axis", "Curve2D", [line])
         product.Representation.Representations = [*product.Representation.Representations, axis]
-        self._pset(product, wall.fit)
+        self._pset(product, wall.fit, self._height_source(wall))
         external = {} if wall.external is None else {"IsExternal": wall.external}
         self._common(product, "Pset_WallCommon", external)
         parts = []
@@ -312,7 +313,13 @@ class _Writer:
         self._set(product, PSET_NAME, {
             name: f.create_entity(kind, value if isinstance(value, str) else float(value))
             for name, kind, value in values if value is not None and (isinstance(value, str) or math.isfinite(value))
-        } | (more or {}) | {"Method": f.create_entity("IfcLabel", f"bim_verify {__version__}")})
+        } | (more or {}) | self._method())
+
+    def _method(self) -> dict[str, Any]:
+        return {"Method": self.file.create_entity("IfcLabel", f"bim_verify {__version__}")}
+
+    def _height_source(self, built: BuiltWall | BuiltColumn | BuiltRoom) -> dict[str, Any]:
+        return {HEIGHT_SOURCE: self.file.create_entity("IfcLabel", built.height_source)} if built.height_source else {}
 
     def _common(self, product: Any, name: str, values: dict[str, bool]) -> None:
         if values:
@@ -324,13 +331,14 @@ class _Writer:
         pset = f.create_entity("IfcPropertySet", GlobalId=_new(), Name=name, HasProperties=properties)
         f.create_entity("IfcRelDefinesByProperties", GlobalId=_new(), RelatedObjects=[product], RelatingPropertyDefinition=pset)
 
-    def _quantities(self, space: Any, outline: Polygon, height: float) -> None:
+    def _quantities(self, space: Any, outline: Polygon, height: float | None) -> None:
         f = self.file
         quantities = [
             f.create_entity("IfcQuantityArea", Name="NetFloorArea", AreaValue=float(outline.area)),
-            f.create_entity("IfcQuantityLength", Name="Height", LengthValue=float(height)),
             f.create_entity("IfcQuantityLength", Name="GrossPerimeter", LengthValue=float(outline.exterior.length)),
         ]
+        if height is not None:
+            quantities.append(f.create_entity("IfcQuantityLength", Name="Height", LengthValue=float(height)))
         own = f.create_entity("IfcElementQuantity", GlobalId=_new(), Name="Qto_SpaceBaseQuantities", Quantities=quantities)
         f.create_entity("IfcRelDefinesByProperties", GlobalId=_new(), RelatedObjects=[space], RelatingPropertyDefinition=own)
 
