@@ -14,6 +14,7 @@ from ..planes.stations import EXACT, Poses
 from ..planes.unevenness import Unevenness
 from .joins import Join
 from .openings import Opening
+from .slab_holes import SlabHole
 
 Array = NDArray[np.float64]
 
@@ -124,6 +125,7 @@ class BuiltSlab:
     kind: str
     """FLOOR, BASESLAB or ROOF."""
     fit: FitRecord
+    holes: tuple[SlabHole, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -152,6 +154,11 @@ class BuiltStorey:
     slabs: tuple[BuiltSlab, ...]
     rooms: tuple[BuiltRoom, ...]
 
+    @property
+    def slab_holes(self) -> list[SlabHole]:
+        """Of all its slabs, in their order."""
+        return [hole for slab in self.slabs for hole in slab.holes]
+
 
 @dataclass
 class Reconstruction:
@@ -179,12 +186,13 @@ class Reconstruction:
 
 @dataclass(frozen=True)
 class StoreyIds:
-    """GlobalIds of what was written of a storey, in the order of its rooms, walls, their openings, and columns."""
+    """GlobalIds of what was written of a storey, in the order of its rooms, walls, their openings, columns, holes of slabs."""
 
     rooms: tuple[str, ...] = ()
     walls: tuple[str, ...] = ()
     openings: tuple[tuple[str, ...], ...] = ()
     columns: tuple[str, ...] = ()
+    slab_openings: tuple[str, ...] = ()
 
     def room(self, k: int) -> str:
         """Empty where nothing was written."""

@@ -106,6 +106,13 @@ def storey_rows(storey: BuiltStorey, origin: Array, ids: StoreyIds = NO_IDS) -> 
             own = ids.opening(k - 1, number - 1)
             rows.append(width(where, own, "width", (f"wall {k}",), Estimate(o.width, float(np.hypot(start, end)))))
             rows.append(width(where, own, "height", (f"wall {k}",), Estimate(o.height, float(np.hypot(sill, head)))))
+    for k, hole in enumerate(storey.slab_holes, start=1):
+        where, own = f"{storey.name}, floor opening {k}", ids.slab_openings[k - 1] if ids.slab_openings else ""
+        for n, what in enumerate(("length", "width")):
+            if hole.size is None:
+                rows.append(unmeasured(where, own, what, ("slab",), "It is no rectangle."))
+            else:
+                rows.append(width(where, own, what, ("slab",), Estimate(hole.size[n], hole.size_sigma[n])))
     return rows
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.ndimage import binary_closing, binary_opening, distance_transform_edt, label
+from scipy.ndimage import distance_transform_edt, label
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -15,25 +15,20 @@ from ..planes.cloud import Cloud
 from ..planes.surfels import Surfels
 from .faces import UPRIGHT
 from .levels import UNDER_FLOOR_M, Storey
+from .through import CELL_M, MOST_RAYS, UP_COS, seen_through
 
 Array = NDArray[np.float64]
 
-CELL_M = 0.06
 LEAST_ROOM_HEIGHT_M = 1.7
 CEILING_COS = 0.4
-UP_COS = 0.9
 FILL_M = 0.6
 """The ceiling is taken to go on this far beyond where it was seen."""
 SLAB_M = (0.04, 0.36)
 """The air that decides about rooms: this far below the ceiling, above doors and most furniture."""
 STEP_M = 0.2
 """A step of the ceiling that parts rooms: the head of a door is that much lower, unevenness and slopes are not."""
-MOST_RAYS = 4_000_000
 LEAST_PASSES = 2
 LEAST_ROOM_M2 = 0.6
-IN_FLOOR_M = (0.05, 0.15)
-"""So far below a floor is its slab: rays that pass there show that it does not lie there."""
-SMOOTH_CELLS = 3
 LEAST_WELL_M2 = 6.0
 """Where a floor is open over a smaller area, as for a stair, the storeys are parted all the same."""
 
@@ -102,23 +97,6 @@ def make_plan(cloud: Cloud, surfels: Surfels, storey: Storey) -> PlanRaster:
     size = np.bincount(rooms.ravel()) * CELL_M**2
     rooms[size[rooms] < LEAST_ROOM_M2] = 0
     return PlanRaster(low, CELL_M, ceiling, floor, air, rooms)
-
-
-def seen_through(cloud: Cloud, surfels: Surfels, floor: float, low: Array, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Cells of a raster from ``low`` in which rays pass just below the level ``floor``, so that no floor lies there."""
-    passes = np.zeros(shape, dtype=np.int32)
-    step = max(1, len(cloud.points) // MOST_RAYS)
-    _mark_through(
-        cloud.points[::step], cloud.station[::step], cloud.stations, low, CELL_M, floor - IN_FLOOR_M[1], floor - IN_FLOOR_M[0],
-        passes,
-    )
-    there = (surfels.normal[:, 2] > UP_COS) & (np.abs(surfels.position[:, 2] - floor) < IN_FLOOR_M[0])
-    cell = np.floor((surfels.position[there, :2] - low) / CELL_M).astype(np.int64)
-    cell = cell[((cell >= 0) & (cell < shape)).all(axis=1)]
-    closed = np.zeros(shape, dtype=np.bool_)
-    closed[cell[:, 0], cell[:, 1]] = True
-    through = binary_closing(passes > 0, iterations=SMOOTH_CELLS) & ~closed
-    return np.asarray(binary_opening(through, iterations=SMOOTH_CELLS - 1))
 
 
 def _wells(through: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -197,34 +175,5 @@ def _mark_free(points, station, stations, low, cell, ceiling, near, far, lowest,
             c = ceiling[ix, iy]
             z = o[2] + t * dz
             if z <= c - near and z >= c - far:
-                out[ix, iy] += 1
-                last = here
-
-
-@njit(cache=True, nogil=True)
-def _mark_through(points, station, stations, low, cell, bottom, top, out):  # type: ignore[no-untyped-def]
-    """Count the rays that pass through each cell between two heights."""
-    nx, ny = out.shape
-    for i in range(len(points)):
-        o = stations[station[i]]
-        dx, dy, dz = points[i, 0] - o[0], points[i, 1] - o[1], points[i, 2] - o[2]
-        length = np.sqrt(dx * dx + dy * dy + dz * dz)
-        if length < 0.3 or dz == 0.0:
-            continue
-        t0, t1 = (bottom - o[2]) / dz, (top - o[2]) / dz
-        if t0 > t1:
-            t0, t1 = t1, t0
-        t0, t1 = max(t0, 0.0), min(t1, 1.0 - 0.05 / length)
-        if t0 >= t1:
-            continue
-        steps = int((t1 - t0) * np.sqrt(dx * dx + dy * dy) / (0.7 * cell)) + 1
-        last = -1
-        for k in range(steps + 1):
-            t = t0 + (t1 - t0) * k / steps
-            ix, iy = int(np.floor((o[0] + t * dx - low[0]) / cell)), int(np.floor((o[1] + t * dy - low[1]) / cell))
-            if ix < 0 or iy < 0 or ix >= nx or iy >= ny:
-                continue
-            here = ix * ny + iy
-            if here != last:
                 out[ix, iy] += 1
                 last = here

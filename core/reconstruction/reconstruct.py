@@ -60,7 +60,7 @@ def reconstruct(
             f"{', '.join(source.paths)} shows a floor, but no wall and no closed room, so there is no building to write; give "
             "scans from inside rooms."
         )
-    built = tuple(_storey(k, storeys, parts, surfels, poses.sigma) for k in range(len(storeys)))
+    built = tuple(_storey(k, storeys, parts, rays, surfels, poses.sigma) for k in range(len(storeys)))
     result = Reconstruction(cloud.origin, built, cloud.total, len(cloud.stations), source.paths, poses)
     result.warnings += _warnings(result, storeys)
     return result
@@ -73,10 +73,12 @@ def _thinned(cloud: Cloud) -> Cloud:
     return Cloud(cloud.points[::step].copy(), cloud.station[::step].copy(), cloud.stations, cloud.origin, cloud.total)
 
 
-def _storey(k: int, storeys: list[Storey], parts: list[StoreyParts], surfels: Surfels, pose_sigma: float) -> BuiltStorey:
+def _storey(
+    k: int, storeys: list[Storey], parts: list[StoreyParts], cloud: Cloud, surfels: Surfels, pose_sigma: float
+) -> BuiltStorey:
     storey, part = storeys[k], parts[k]
     name = "Ground floor" if k == 0 else f"Floor {k}"
-    slabs = storey_slabs(k, storeys, parts, surfels, pose_sigma)
+    slabs = storey_slabs(k, storeys, parts, cloud, surfels, pose_sigma)
     return BuiltStorey(
         name, storey.floor, storey.ceiling, tuple(part.walls), tuple(part.columns), tuple(slabs), tuple(part.built_rooms)
     )
@@ -94,6 +96,9 @@ def _warnings(result: Reconstruction, storeys: list[Storey]) -> list[str]:
             )
         if not built.rooms:
             out.append(f"{built.name}: no closed room was found.")
+        if built.slab_holes:
+            areas = ", ".join(f"{hole.outline.area:.1f}" for hole in built.slab_holes)
+            out.append(f"{built.name}: its slab is open over {areas} m2, where rays pass its level.")
     for built in result.storeys[1:]:
         own = union_all([r.outline for r in built.rooms] + [w.footprint for w in built.walls])
         beyond = sum(s.footprint.difference(own.buffer(0.1)).area for s in built.slabs if s.kind == "FLOOR")

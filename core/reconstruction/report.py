@@ -74,7 +74,7 @@ def _caption(storey: BuiltStorey) -> str:
     return (
         f"{len(storey.rooms)} rooms, {len(storey.walls)} walls; light grey: {assumed} walls whose thickness is "
         "assumed. Numbers on walls are those of the tables. Doors brown, windows blue, openings without a leaf, or whose foot "
-        "is hidden, grey."
+        "is hidden, grey; openings in the floor dashed."
     )
 
 
@@ -112,6 +112,10 @@ def _plan(storey: BuiltStorey) -> Markup:
             corners = [tuple(p) for p in (ends[0] - across, ends[1] - across, ends[1] + across, ends[0] + across)]
             name = "door or window, foot hidden" if o.foot_hidden else o.kind
             parts.append(polygon(Polygon(corners), f'fill="{COLORS[o.kind]}"', f"{name}: {o.width:.3f} x {o.height:.3f} m"))
+    parts += [
+        polygon(h.outline, 'fill="none" stroke="#222" stroke-dasharray="4 3"', f"Opening in the floor: {h.outline.area:.2f} m2")
+        for h in storey.slab_holes
+    ]
     parts += [polygon(c.footprint, 'fill="#7a3b3b"', f"Column {k}") for k, c in enumerate(storey.columns, start=1)]
     for k, r in enumerate(storey.rooms, start=1):
         at = r.outline.representative_point()

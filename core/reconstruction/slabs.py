@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from shapely import MultiPolygon, Polygon, union_all
 
+from ..planes.cloud import Cloud
 from ..planes.surfels import Surfels
 from .building import ASSUMED, MEASURED, BuiltSlab, FitRecord
 from .levels import Storey
+from .slab_holes import find_holes
 from .storey import StoreyParts
 
 SLAB_M = 0.2
@@ -19,7 +22,7 @@ SAME_LEVEL_M = 0.05
 
 
 def storey_slabs(
-    k: int, storeys: list[Storey], parts: list[StoreyParts], surfels: Surfels, pose_sigma: float
+    k: int, storeys: list[Storey], parts: list[StoreyParts], cloud: Cloud, surfels: Surfels, pose_sigma: float
 ) -> list[BuiltSlab]:
     """Floor and roofs of storey ``k``."""
     storey, part = storeys[k], parts[k]
@@ -28,6 +31,10 @@ def storey_slabs(
     fit = _level_fit(surfels, storey.floor, 1.0, source, pose_sigma)
     feet = outlines(on_floor(storey, part, parts[k - 1] if k else None))
     slabs = [BuiltSlab(foot, storey.floor, thickness, "FLOOR" if k else "BASESLAB", fit) for foot in feet]
+    if k and part.walls:
+        along = max(part.walls, key=lambda w: w.length).along
+        holes = [find_holes(cloud, surfels, s.footprint, s.top, thickness, along, pose_sigma) for s in slabs]
+        slabs = [replace(s, holes=tuple(own)) for s, own in zip(slabs, holes, strict=True)]
     for level, shapes in _roofs(k, storeys, parts):
         fit = _level_fit(surfels, level, -1.0, ASSUMED, pose_sigma)
         slabs += [BuiltSlab(foot, level + SLAB_M, SLAB_M, "ROOF", fit) for foot in outlines(shapes)]

@@ -85,6 +85,11 @@ def _storey(s: BuiltStorey, ids: StoreyIds, origin: list[float]) -> dict[str, An
              ]}
             for k, w in enumerate(s.walls)
         ],
+        "slab_openings": [
+            {**_named(ids.slab_openings, k), "outline": [place(p) for p in list(h.outline.exterior.coords)[:-1]],
+             "area": h.outline.area, "size": h.size, "edge_sigma": h.edge_sigma, "seen": h.seen}
+            for k, h in enumerate(s.slab_holes)
+        ],
         "columns": [
             {**_named(ids.columns, k), "outline": [place(p) for p in list(c.footprint.exterior.coords)[:-1]],
              "radius": c.radius, "base": c.base + z, "top": c.top + z, "height_source": c.height_source,

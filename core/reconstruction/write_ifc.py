@@ -17,6 +17,7 @@ from ..files import whole_file
 from .building import ASSUMED, BuiltColumn, BuiltRoom, BuiltSlab, BuiltStorey, BuiltWall, FitRecord, Reconstruction, StoreyIds
 from .openings import Opening
 from .shapes import HEIGHT_SOURCE, HIDDEN_EDGES, HIDDEN_FACES, PSET_NAME
+from .slab_holes import SlabHole
 
 Array = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ class _Writer:
         self.api: Any = ifcopenshell.api
         self.result = result
         self.made: list[dict[str, list[Any]]] = []
-        """Of each storey its products: rooms, walls, openings (of all walls, in their order), columns."""
+        """Of each storey its products: rooms, walls, openings (of all walls, in their order), columns, openings of slabs."""
         self.file: Any = self.api.project.create_file("IFC4")
         f = self.file
         self.project = self.api.root.create_entity(f, "IfcProject", name="Reconstruction")
@@ -106,7 +107,7 @@ class _Writer:
         rooms, walls, holes, columns = ([p.GlobalId for p in made[k]] for k in ("rooms", "walls", "openings", "columns"))
         rest = iter(holes)
         openings = tuple(tuple(next(rest) for _ in wall.openings) for wall in built.walls)
-        return StoreyIds(tuple(rooms), tuple(walls), openings, tuple(columns))
+        return StoreyIds(tuple(rooms), tuple(walls), openings, tuple(columns), tuple(p.GlobalId for p in made["slab_openings"]))
 
     def _storey(self, built: BuiltStorey) -> Any:
         f = self.file
@@ -115,7 +116,7 @@ class _Writer:
         elevation = float(built.floor + self.result.origin[2])
         place = self._place(storey, self.building_place, np.array([0.0, 0.0, elevation]))
         contained = []
-        made: dict[str, list[Any]] = {"rooms": [], "walls": [], "openings": [], "columns": []}
+        made: dict[str, list[Any]] = {"rooms": [], "walls": [], "openings": [], "columns": [], "slab_openings": []}
         self.made.append(made)
         walls, spaces = made["walls"], made["rooms"]
         for number, wall in enumerate(built.walls, start=1):
@@ -235,7 +236,19 @@ class _Writer:
         product = self._element("IfcSlab", {"ROOF": "Roof slab"}.get(slab.kind, "Floor slab"), place, slab.kind)
         self._body(product, self._extrude(self._profile(slab.footprint), slab.top - floor - slab.thickness, slab.thickness))
         self._pset(product, slab.fit)
+        for number, hole in enumerate(slab.holes, start=1):
+            self._slab_opening(product, slab, hole, f"Opening {product.Name} {number}", floor)
         return product
+
+    def _slab_opening(self, host: Any, slab: BuiltSlab, hole: SlabHole, name: str, floor: float) -> None:
+        opening = self._element("IfcOpeningElement", name, host.ObjectPlacement, "OPENING")
+        bottom = slab.top - floor - slab.thickness - THROUGH_M
+        self._body(opening, self._extrude(self._profile(hole.outline), bottom, slab.thickness + 2 * THROUGH_M))
+        self.file.create_entity(
+            "IfcRelVoidsElement", GlobalId=_new(), RelatingBuildingElement=host, RelatedOpeningElement=opening
+        )
+        self._pset(opening, FitRecord(None, None, hole.seen, hole.edge_sigma, slab.fit.thickness_source))
+        self.made[-1]["slab_openings"].append(opening)
 
     def _connect(self, built: BuiltStorey, walls: list[Any]) -> None:
         done = set()
