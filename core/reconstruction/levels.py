@@ -23,6 +23,7 @@ SHARE_OF_LARGEST = 0.25
 """A level counts as floor when it shows this share of the largest level's area: tables show less."""
 STOREYS_APART_M = 1.2
 UNDER_FLOOR_M = 0.03
+SAME_FLOOR_M = 0.05
 OVER_M = 1.0
 """So far about a station (in plan) is what is right over it."""
 PAST_M = 0.3
@@ -66,7 +67,7 @@ def find_storeys(surfels: Surfels, stations: Array) -> list[Storey]:
             groups[-1].append(stand)
         else:
             groups.append([stand])
-    floors = [float(np.median([floor for floor, _ in group])) for group in groups]
+    floors = [_floor(up, down, group, stations) for group in groups]
     highest = float(surfels.position[:, 2].max()) if len(surfels) else 0.0
     out: list[Storey] = []
     for k, group in enumerate(groups):
@@ -81,6 +82,15 @@ def find_storeys(surfels: Surfels, stations: Array) -> list[Storey]:
         beside = bool(out) and np.isfinite(out[-1].past)
         out.append(Storey(floors[k], ceiling, bool(seen), top, own, above if through else np.inf, beside))
     return out
+
+
+def _floor(up: Surfels, down: Surfels, group: list[tuple[float, int]], stations: Array) -> float:
+    """Of the floors of stations that something is right over the one with most area: a terrace or a balcony lies lower."""
+    inside = [f for f, index in group if _level(down, stations[index], *ABOVE_M, lowest=True, around=OVER_M) is not None]
+    candidates = np.array(inside or [f for f, _ in group])
+    z = up.position[:, 2]
+    best = max(candidates, key=lambda f: float(up.area[np.abs(z - f) < 2 * BIN_M].sum()))
+    return float(np.median(candidates[np.abs(candidates - best) < SAME_FLOOR_M]))
 
 
 def _ceiling(down: Surfels, place: Array, above: float) -> float | None:

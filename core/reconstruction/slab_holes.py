@@ -22,7 +22,7 @@ MOST_FLOOR = 0.03
 """Of the rectangle about a hole, floor may be seen in this share: else it is no rectangle."""
 LEAST_SHARE = 0.5
 """Of the rectangle in which rays pass: the rest may be hidden by a stair."""
-NEAR_M = 0.15
+NEAR_M = 0.3
 LEVEL_M = 0.02
 LEAST_ON_EDGE = 30
 STRAY = 5
@@ -54,11 +54,10 @@ def find_holes(
     corners = turned(np.array(footprint.exterior.coords), along)
     low = corners.min(axis=0)
     shape = tuple(int(n) for n in (np.ptp(corners, axis=0) / CELL_M + 1))
-    through = seen_through(cloud, surfels, floor, low, shape, along)
-    ix, iy = np.nonzero(through)
-    middles = turned(low + (np.column_stack([ix, iy]) + 0.5) * CELL_M, _back(along))
-    outside = ~contains_xy(footprint.buffer(-INSIDE_M), *middles.T)
-    through[ix[outside], iy[outside]] = False
+    cells = np.column_stack([i.ravel() for i in np.indices(shape)])
+    middles = turned(low + (cells + 0.5) * CELL_M, _back(along))
+    within = contains_xy(footprint.buffer(-INSIDE_M), *middles.T).reshape(shape)
+    through = seen_through(cloud, surfels, floor, low, shape, along, within)
     pieces, count = label(through)
     numbers = [n for n in range(1, count + 1) if (pieces == n).sum() * CELL_M**2 > LEAST_M2]
     if not numbers:
@@ -92,8 +91,8 @@ class _Places:
         edge = (z > floor - thickness + LEVEL_M) & (z < floor - LEVEL_M)
         self.edge = turned(cloud.points[edge, :2].astype(np.float64), along)
 
-    def border(self, axis: int, side: float, about: float, low: float, high: float) -> tuple[float, float]:
-        """Place of an edge near ``about`` and its sigma [m]; ``side`` 1: the slab lies on the far side of it.
+    def border(self, axis: int, side: float, ends: tuple[float, float], low: float, high: float) -> tuple[float, float]:
+        """Place of an edge and its sigma [m]; ``side`` 1: the slab lies on the far side of it. The hole is between ``ends``.
 
         Between ``low`` and ``high`` across the axis. Returns on the face of the slab's edge tell it; else it lies between the
         last ray that passes and the first return on the floor or the ceiling below.
@@ -101,20 +100,24 @@ class _Places:
 
         def near(places: Array) -> Array:
             across = places[:, 1 - axis]
-            own = (across > low) & (across < high) & (np.abs(places[:, axis] - about) < NEAR_M)
+            own = (across > low) & (across < high)
             return np.asarray(side * places[own, axis])
 
-        passes, beside = near(self.through), near(self.beside)
-        last = float(passes.max()) if len(passes) else side * about - NEAR_M
-        on = near(self.edge)
-        on = on[on > last - MOST_SPREAD_M]
+        passes = near(self.through)
+        inside = (passes > min(side * e for e in ends)) & (passes < max(side * e for e in ends))
+        last = float(passes[inside].max(initial=side * sum(ends) / 2))
+
+        def beyond_it(places: Array) -> Array:
+            across = near(places)
+            return np.sort(across[(across > last - MOST_SPREAD_M) & (across < last + NEAR_M)])
+
+        on, beyond = beyond_it(self.edge), beyond_it(self.beside)
         if len(on) >= LEAST_ON_EDGE:
             middle = float(np.median(on))
             if np.median(np.abs(on - middle)) < MOST_SPREAD_M:
                 return side * middle, self.sigma
-        beyond = np.sort(beside[beside > last - MOST_SPREAD_M])
         # beams that straddle the edge return from beside it
-        first = max(float(beyond[STRAY]), last) if len(beyond) > STRAY else side * about + NEAR_M
+        first = max(float(beyond[STRAY]), last) if len(beyond) > STRAY else last + NEAR_M
         return side * 0.5 * (last + first), float(np.hypot((first - last) / np.sqrt(12.0), self.sigma))
 
 
@@ -130,8 +133,8 @@ def _hole(cells: NDArray[np.bool_], there: NDArray[np.bool_], low: Array, along:
         return SlabHole(outline, along, None, (CELL_M, CELL_M), CELL_M, 1.0)
     (u0, v0), (u1, v1) = low + np.array([i0, j0]) * CELL_M, low + np.array([i1, j1]) * CELL_M
     across = (v0 + CORNER_M, v1 - CORNER_M), (u0 + CORNER_M, u1 - CORNER_M)
-    (a, sa), (b, sb) = places.border(0, -1.0, u0, *across[0]), places.border(0, 1.0, u1, *across[0])
-    (c, sc), (d, sd) = places.border(1, -1.0, v0, *across[1]), places.border(1, 1.0, v1, *across[1])
+    (a, sa), (b, sb) = (places.border(0, side, (u0, u1), *across[0]) for side in (-1.0, 1.0))
+    (c, sc), (d, sd) = (places.border(1, side, (v0, v1), *across[1]) for side in (-1.0, 1.0))
     outline = affine_transform(box(a, c, b, d), back)
     sizes = sorted([(b - a, float(np.hypot(sa, sb)), along), (d - c, float(np.hypot(sc, sd)), np.array([-along[1], along[0]]))],
                    key=lambda s: -s[0])  # fmt: skip

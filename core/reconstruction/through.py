@@ -23,16 +23,21 @@ X_AXIS = np.array([1.0, 0.0])
 
 
 def seen_through(
-    cloud: Cloud, surfels: Surfels, floor: float, low: Array, shape: tuple[int, ...], along: Array = X_AXIS
+    cloud: Cloud, surfels: Surfels, floor: float, low: Array, shape: tuple[int, ...], along: Array = X_AXIS,
+    within: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.bool_]:
-    """Cells of CELL_M from ``low``, rows ``along`` (2,), in which rays pass just below the level ``floor``."""
+    """Cells of CELL_M from ``low``, rows ``along`` (2,), in which rays pass just below the level ``floor``.
+
+    Only those ``within`` count, if given.
+    """
     passes = np.zeros(shape, dtype=np.int32)
     step = max(1, len(cloud.points) // MOST_RAYS)
     _mark(
         cloud.points[::step], cloud.station[::step], cloud.stations, low, CELL_M, along, floor - IN_FLOOR_M[1],
         floor - IN_FLOOR_M[0], passes,
     )
-    through = binary_closing(passes > 0, iterations=SMOOTH_CELLS) & ~floor_cells(surfels, floor, low, shape, along)
+    own = passes > 0 if within is None else (passes > 0) & within
+    through = binary_closing(own, iterations=SMOOTH_CELLS) & ~floor_cells(surfels, floor, low, shape, along)
     return np.asarray(binary_opening(through, iterations=SMOOTH_CELLS - 1))
 
 

@@ -58,3 +58,11 @@ def test_a_storey_under_a_gallery_goes_on_past_its_deck_and_the_next_is_beside_i
     lower, deck = find_storeys(shown, np.array([[1.5, 1.2, 1.5], [5.5, 2.5, 1.5], [5.5, 2.5, 4.1]]))
     assert lower.past == pytest.approx(2.6) and lower.top == pytest.approx(5.2) and not lower.beside
     assert deck.beside and np.isinf(deck.past) and lower.closed().top < 2.6
+
+
+def test_a_storeys_floor_is_that_of_its_rooms_not_between_it_and_a_balcony() -> None:
+    shown = surfels(
+        level(3.0, 1.0, (0.0, 7.0)), level(5.6, -1.0, (0.0, 7.0)), level(2.7, 1.0, (7.3, 9.0)), level(5.6, -1.0, (7.3, 9.0))
+    )
+    (only,) = find_storeys(shown, np.array([[1.5, 1.2, 4.5], [8.1, 2.5, 4.2]]))
+    assert only.floor == pytest.approx(3.0)
