@@ -109,6 +109,7 @@ TEMPLATES: dict[str, tuple[str, dict[str, tuple[str, str]]]] = {
             "SillSigma": (LENGTH, "Standard deviation of an opening's lower edge"),
             "HeadSigma": (LENGTH, "Standard deviation of an opening's upper edge"),
             "HiddenEdges": (LABEL, "Edges of an opening that were not seen: start, end, sill, head; or none"),
+            "HeightSource": (LABEL, "Of a wall, column or space: MEASURED between floor and ceiling, SEEN, or ASSUMED"),
             "HiddenFaces": (LABEL, "Sides of a column that were not seen: left, right, front, back; or none"),
             "Method": (LABEL, "Method and version"),
         },

@@ -14,11 +14,14 @@ from ..planes.stations import EXACT, Poses
 from ..planes.unevenness import Unevenness
 from .joins import Join
 from .openings import Opening
+from .slab_holes import SlabHole
 from .steps import Step
 
 Array = NDArray[np.float64]
 
 MEASURED, REVEAL, ASSUMED = "MEASURED", "REVEAL", "ASSUMED"
+SEEN = "SEEN"
+"""Of a height: floor and ceiling were seen, but not fitted both."""
 EDGES = "EDGES"
 """Of a column with a hidden side: its thickness follows from where the faces beside it end."""
 
@@ -78,6 +81,8 @@ class BuiltWall:
     external: bool | None
     """Its other side is the outside; None where nothing tells what is there."""
     fit: FitRecord
+    height_source: str = ""
+    """MEASURED between fitted floors and ceilings of all its rooms, SEEN, or ASSUMED where no ceiling was seen; or empty."""
     lean: float = 0.0
     """Of its faces from the vertical, rad."""
     lean_sigma: float = 0.0
@@ -109,6 +114,8 @@ class BuiltColumn:
     """Sides that no scanner saw (``column_fit.SIDES``)."""
     on: float = 1.0
     """Share of the returns about it that lie on its outline."""
+    height_source: str = ""
+    """As of a wall."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +128,7 @@ class BuiltSlab:
     kind: str
     """FLOOR, BASESLAB or ROOF."""
     fit: FitRecord
+    holes: tuple[SlabHole, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -133,6 +141,8 @@ class BuiltRoom:
     floor_face: FittedFace | None = None
     ceiling_face: FittedFace | None = None
     wall_faces: tuple[RoomFace, ...] = ()
+    height_source: str = ""
+    """As of a wall."""
 
 
 @dataclass(frozen=True)
@@ -146,6 +156,11 @@ class BuiltStorey:
     columns: tuple[BuiltColumn, ...]
     slabs: tuple[BuiltSlab, ...]
     rooms: tuple[BuiltRoom, ...]
+
+    @property
+    def slab_holes(self) -> list[SlabHole]:
+        """Of all its slabs, in their order."""
+        return [hole for slab in self.slabs for hole in slab.holes]
 
 
 @dataclass
@@ -174,12 +189,13 @@ class Reconstruction:
 
 @dataclass(frozen=True)
 class StoreyIds:
-    """GlobalIds of what was written of a storey, in the order of its rooms, walls, their openings, and columns."""
+    """GlobalIds of what was written of a storey, in the order of its rooms, walls, their openings, columns, holes of slabs."""
 
     rooms: tuple[str, ...] = ()
     walls: tuple[str, ...] = ()
     openings: tuple[tuple[str, ...], ...] = ()
     columns: tuple[str, ...] = ()
+    slab_openings: tuple[str, ...] = ()
 
     def room(self, k: int) -> str:
         """Empty where nothing was written."""

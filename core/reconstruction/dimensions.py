@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..dimensions.corners import Bound, Room, corner_rows
-from ..dimensions.table import Dimension, conformity, width
+from ..dimensions.table import Dimension, conformity, unmeasured, width
 from ..planes.conformity import Conformity, orthogonality, parallelism, plumb
 from ..planes.derived import Estimate, distance_between, level_of_accuracy
 from ..planes.fit import Plane
-from .building import NO_IDS, BuiltRoom, BuiltStorey, Reconstruction, StoreyIds
+from .building import ASSUMED, NO_IDS, BuiltRoom, BuiltStorey, Reconstruction, StoreyIds
 from .fitted import sides_on
 
 Array = NDArray[np.float64]
 
+LEVELS = ("floor", "ceiling")
 LEAST_OVERLAP_M = 0.02
 PARALLEL_COS = np.cos(np.radians(5.0))
 SQUARE_COS = np.sin(np.radians(5.0))
@@ -92,7 +93,9 @@ def storey_rows(storey: BuiltStorey, origin: Array, ids: StoreyIds = NO_IDS) -> 
         where, own, found = f"{storey.name}, room {number}", ids.room(number - 1), room_dimensions(room)
         rows += [width(where, own, "width", _walls(w.walls), w.distance) for w in found.widths]
         if found.height is not None:
-            rows.append(width(where, own, "height", ("floor", "ceiling"), found.height))
+            rows.append(width(where, own, "height", LEVELS, found.height))
+        else:
+            rows.append(unmeasured(where, own, "height", LEVELS, _why(room)))
         rows += [conformity(where, own, _walls(walls), test) for walls, test in found.tests]
         for name, face in (("floor", room.floor_face), ("ceiling", room.ceiling_face)):
             rows += [conformity(where, own, (name,), test) for test in (face.flatness if face else ())]
@@ -103,7 +106,23 @@ def storey_rows(storey: BuiltStorey, origin: Array, ids: StoreyIds = NO_IDS) -> 
             own = ids.opening(k - 1, number - 1)
             rows.append(width(where, own, "width", (f"wall {k}",), Estimate(o.width, float(np.hypot(start, end)))))
             rows.append(width(where, own, "height", (f"wall {k}",), Estimate(o.height, float(np.hypot(sill, head)))))
+    for k, hole in enumerate(storey.slab_holes, start=1):
+        where, own = f"{storey.name}, floor opening {k}", ids.slab_openings[k - 1] if ids.slab_openings else ""
+        for n, what in enumerate(("length", "width")):
+            if hole.size is None:
+                rows.append(unmeasured(where, own, what, ("slab",), "It is no rectangle."))
+            else:
+                rows.append(width(where, own, what, ("slab",), Estimate(hole.size[n], hole.size_sigma[n])))
     return rows
+
+
+def _why(room: BuiltRoom) -> str:
+    """Why a room's height was not measured."""
+    faces = (("floor", room.floor_face), ("ceiling", room.ceiling_face))
+    missing = " and ".join(name for name, face in faces if face is None)
+    if room.height_source == ASSUMED:
+        return "No ceiling was seen in the storey: the height is assumed, from what was seen highest or the next floor."
+    return f"Too little was seen of its {missing} in one level."
 
 
 def _bounded(where: str, global_id: str, room: BuiltRoom, origin: Array) -> Room:

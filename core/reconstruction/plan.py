@@ -7,18 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, label
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from ..planes.cloud import Cloud
 from ..planes.surfels import Surfels
 from .faces import UPRIGHT
-from .levels import Storey
+from .levels import UNDER_FLOOR_M, Storey
+from .through import CELL_M, MOST_RAYS, UP_COS, seen_through
 
 Array = NDArray[np.float64]
 
-CELL_M = 0.06
 LEAST_ROOM_HEIGHT_M = 1.7
 CEILING_COS = 0.4
 FILL_M = 0.6
@@ -27,9 +27,10 @@ SLAB_M = (0.04, 0.36)
 """The air that decides about rooms: this far below the ceiling, above doors and most furniture."""
 STEP_M = 0.2
 """A step of the ceiling that parts rooms: the head of a door is that much lower, unevenness and slopes are not."""
-MOST_RAYS = 4_000_000
 LEAST_PASSES = 2
 LEAST_ROOM_M2 = 0.6
+LEAST_WELL_M2 = 6.0
+"""Where a floor is open over a smaller area, as for a stair, the storeys are parted all the same."""
 
 
 @dataclass(frozen=True)
@@ -70,9 +71,13 @@ def make_plan(cloud: Cloud, surfels: Surfels, storey: Storey) -> PlanRaster:
     inside = inside.where(within)
     cell = ((inside.position[:, :2] - low) / CELL_M).astype(np.int64)
     height = inside.position[:, 2]
-    ceiling = _ceiling(inside, cell, height, storey, shape)
+    ends = np.ones(len(inside), dtype=np.bool_)
+    if np.isfinite(storey.past):
+        well = _wells(seen_through(cloud, surfels, storey.past, low, shape))
+        ends = (height < storey.past - UNDER_FLOOR_M) | well[cell[:, 0], cell[:, 1]]
+    ceiling = _ceiling(inside.where(ends), cell[ends], height[ends], storey, shape)
     floor = np.full(shape, np.nan)
-    level = (inside.normal[:, 2] > 0.9) & (np.abs(height - storey.floor) < 0.3)
+    level = (inside.normal[:, 2] > UP_COS) & (np.abs(height - storey.floor) < 0.3)
     floor[cell[level, 0], cell[level, 1]] = height[level]
     free = np.zeros(shape, dtype=np.int32)
     step = max(1, len(cloud.points) // MOST_RAYS)
@@ -86,10 +91,20 @@ def make_plan(cloud: Cloud, surfels: Surfels, storey: Storey) -> PlanRaster:
         upright = (np.abs(inside.normal[:, 2]) < 2 * UPRIGHT) & (height > above - SLAB_M[1] - 0.1) & (height < above - 0.02)
     barrier[cell[upright, 0], cell[upright, 1]] = True
     air = (free >= LEAST_PASSES) & ~barrier
+    if storey.beside:
+        air &= ~_wells(seen_through(cloud, surfels, storey.floor, low, shape))
     rooms = _connected(air, ceiling)
     size = np.bincount(rooms.ravel()) * CELL_M**2
     rooms[size[rooms] < LEAST_ROOM_M2] = 0
     return PlanRaster(low, CELL_M, ceiling, floor, air, rooms)
+
+
+def _wells(through: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Those of the cells that are larger than a stair's opening."""
+    piece, _ = label(through)
+    large = np.bincount(piece.ravel()) * CELL_M**2 > LEAST_WELL_M2
+    large[0] = False
+    return np.asarray(large[piece])
 
 
 def _connected(air: NDArray[np.bool_], ceiling: Array) -> NDArray[np.int32]:
@@ -117,7 +132,7 @@ def _ceiling(
         down = (inside.normal[:, 2] < -CEILING_COS) & (height > storey.floor + LEAST_ROOM_HEIGHT_M)
         np.maximum.at(ceiling, (cell[down, 0], cell[down, 1]), height[down])
     else:
-        up = (inside.normal[:, 2] > 0.9) & (np.abs(height - storey.floor) < 0.1)
+        up = (inside.normal[:, 2] > UP_COS) & (np.abs(height - storey.floor) < 0.1)
         ceiling[cell[up, 0], cell[up, 1]] = storey.ceiling
     seen = np.isfinite(ceiling)
     if not seen.any():

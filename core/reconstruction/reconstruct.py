@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from shapely import MultiPolygon, Polygon, union_all
+from shapely import Polygon, union_all
 from shapely.geometry.polygon import orient
 
 from ..errors import BimVerifyError
@@ -13,17 +13,15 @@ from ..planes.noise import PointNoise
 from ..planes.surfels import Surfels, make_surfels
 from ..progress import Progress
 from ..scans.campaign import ScanSource
-from .building import ASSUMED, MEASURED, BuiltSlab, BuiltStorey, FitRecord, Reconstruction
+from .building import ASSUMED, BuiltStorey, Reconstruction
 from .fitted import Survey, agreement
 from .levels import Storey, find_storeys
-from .storey import StoreyParts, draft_storey, finish_storey
+from .slabs import SMALLEST_SLAB_M2, storey_slabs
+from .storey import StoreyDraft, StoreyParts, draft_storey, finish_storey
 
 Array = NDArray[np.float64]
 
-SLAB_M = 0.2
-SMALLEST_SLAB_M2 = 1.0
 LEAST_ON_OUTLINE = 0.85
-THICKEST_SLAB_M = 1.2
 LEAST_TURN_DEG, MOST_TURN_DEG, LEAST_ROUND = 3.0, 40.0, 4
 """So many corners of a room that turn so little to the same side are a round wall."""
 MOST_POINTS = 12_000_000
@@ -53,10 +51,10 @@ def reconstruct(
     noise = PointNoise(sigma)
     rays = _thinned(cloud)
     step = 0.6 / len(storeys)
-    drafts = [
-        draft_storey(rays, surfels, s, noise, progress.part(0.3 + step * k, 0.3 + step * (k + 1)))
-        for k, s in enumerate(storeys)
-    ]
+    drafts: list[StoreyDraft] = []
+    for k, storey in enumerate(storeys):
+        below = drafts[k - 1] if storey.beside else None
+        drafts.append(draft_storey(rays, surfels, storey, noise, progress.part(0.3 + step * k, 0.3 + step * (k + 1)), below))
     poses = agreement([f for d in drafts for f in d.faces], len(cloud.stations), registration_sigma)
     progress.update(0.9, "Fitting faces")
     parts = [finish_storey(d, Survey(cloud.stations, noise, poses)) for d in drafts]
@@ -65,7 +63,7 @@ def reconstruct(
             f"{', '.join(source.paths)} shows a floor, but no wall and no closed room, so there is no building to write; give "
             "scans from inside rooms."
         )
-    built = tuple(_storey(k, storeys, parts, surfels, poses.sigma) for k in range(len(storeys)))
+    built = tuple(_storey(k, storeys, parts, rays, surfels, poses.sigma) for k in range(len(storeys)))
     result = Reconstruction(cloud.origin, built, cloud.total, len(cloud.stations), source.paths, poses)
     result.warnings += _warnings(result, storeys)
     return result
@@ -78,47 +76,14 @@ def _thinned(cloud: Cloud) -> Cloud:
     return Cloud(cloud.points[::step].copy(), cloud.station[::step].copy(), cloud.stations, cloud.origin, cloud.total)
 
 
-def _storey(k: int, storeys: list[Storey], parts: list[StoreyParts], surfels: Surfels, pose_sigma: float) -> BuiltStorey:
+def _storey(
+    k: int, storeys: list[Storey], parts: list[StoreyParts], cloud: Cloud, surfels: Surfels, pose_sigma: float
+) -> BuiltStorey:
     storey, part = storeys[k], parts[k]
     name = "Ground floor" if k == 0 else f"Floor {k}"
-    slabs = []
-    below = storeys[k - 1] if k else None
-    for foot in _footprints(part, parts[k - 1] if k else None):
-        gap = storey.floor - below.ceiling if below and below.has_ceiling else None
-        measured = gap is not None and 0.05 < gap < THICKEST_SLAB_M
-        fit = _level_fit(surfels, storey.floor, 1.0, MEASURED if measured else ASSUMED, pose_sigma)
-        slabs.append(BuiltSlab(foot, storey.floor, gap if measured and gap else SLAB_M, "FLOOR" if k else "BASESLAB", fit))
-    if k + 1 == len(storeys) and storey.has_ceiling:
-        fit = _level_fit(surfels, storey.ceiling, -1.0, ASSUMED, pose_sigma)
-        slabs += [BuiltSlab(foot, storey.ceiling + SLAB_M, SLAB_M, "ROOF", fit) for foot in _footprints(part)]
+    slabs = storey_slabs(k, storeys, parts, cloud, surfels, pose_sigma)
     return BuiltStorey(
         name, storey.floor, storey.ceiling, tuple(part.walls), tuple(part.columns), tuple(slabs), tuple(part.built_rooms)
-    )
-
-
-def _footprints(part: StoreyParts, below: StoreyParts | None = None) -> list[Polygon]:
-    """Outlines of a storey's slab: its rooms and walls, and those of the storey below whose ceilings were seen.
-
-    Holes are filled: nothing tells a courtyard or a stairwell from a room that was not scanned.
-    """
-    shapes = [r.outline for r in part.rooms] + [w.footprint for w in part.walls]
-    if below is not None and shapes:
-        covered = {k for k, r in enumerate(below.built_rooms) if r.ceiling_face is not None}
-        shapes += [below.rooms[k].outline for k in covered]
-        shapes += [w.footprint for w in below.walls if covered & set(w.rooms)]
-    whole = union_all([s.buffer(0.05, join_style="mitre") for s in shapes]).buffer(-0.05, join_style="mitre")
-    outlines = list(whole.geoms) if isinstance(whole, MultiPolygon) else [whole]
-    return [Polygon(p.exterior).simplify(0.002) for p in outlines if p.area > SMALLEST_SLAB_M2]
-
-
-def _level_fit(surfels: Surfels, level: float, side: float, source: str, pose_sigma: float) -> FitRecord:
-    own = (np.abs(surfels.position[:, 2] - level) < 0.03) & (side * surfels.normal[:, 2] > 0.95)
-    if own.sum() < 10:
-        return FitRecord(None, None, 0.0, None, source)
-    off = surfels.position[own, 2] - level
-    return FitRecord(
-        float(np.abs(off).mean()), float(np.sqrt((surfels.roughness[own] ** 2).mean())), 1.0,
-        float(np.hypot(off.std() / np.sqrt(max(own.sum() / 50, 1)), pose_sigma)), source, int(surfels.count[own].sum()),
     )
 
 
@@ -144,8 +109,16 @@ def _warnings(result: Reconstruction, storeys: list[Storey]) -> list[str]:
     for built, storey in zip(result.storeys, storeys, strict=True):
         if not storey.has_ceiling:
             out.append(f"{built.name}: no ceiling was seen, so its rooms and heights follow from the walls.")
+        if any(r.ceiling > storey.past for r in built.rooms):
+            out.append(
+                f"{built.name}: some of its rooms reach past the next storey's floor (split levels, a gallery): storeys are "
+                "parted in plan there, and a wall that goes through both is two, one upon the other, or the lower storey's."
+            )
         if not built.rooms:
             out.append(f"{built.name}: no closed room was found.")
+        if built.slab_holes:
+            areas = ", ".join(f"{hole.outline.area:.1f}" for hole in built.slab_holes)
+            out.append(f"{built.name}: its slab is open over {areas} m2, where rays pass its level.")
     for built in result.storeys[1:]:
         own = union_all([r.outline for r in built.rooms] + [w.footprint for w in built.walls])
         beyond = sum(s.footprint.difference(own.buffer(0.1)).area for s in built.slabs if s.kind == "FLOOR")

@@ -45,7 +45,8 @@ def write_reconstruction_report(folder: str | Path, result: Reconstruction, comp
             f"{storey.name}: rooms", columns=("Room", "Area m2", "Perimeter m", "Floor m", "Clear height m"),
             rows=[
                 (f"Room {k}", f"{r.outline.area:.2f}", f"{r.outline.exterior.length:.2f}",
-                 f"{r.floor + result.origin[2]:.3f}", f"{r.ceiling - r.floor:.3f}")
+                 f"{r.floor + result.origin[2]:.3f}",
+                 "not seen" if r.height_source == ASSUMED else f"{r.ceiling - r.floor:.3f}")
                 for k, r in enumerate(storey.rooms, start=1)
             ],
             numeric=frozenset({1, 2, 3, 4}),
@@ -73,7 +74,7 @@ def _caption(storey: BuiltStorey) -> str:
     return (
         f"{len(storey.rooms)} rooms, {len(storey.walls)} walls; light grey: {assumed} walls whose thickness is "
         "assumed. Numbers on walls are those of the tables. Doors brown, windows blue, openings without a leaf, or whose foot "
-        "is hidden, grey, recesses violet."
+        "is hidden, grey, recesses violet; openings in the floor dashed."
     )
 
 
@@ -112,6 +113,10 @@ def _plan(storey: BuiltStorey) -> Markup:
             corners = [tuple(p) for p in (ends[0] + back, ends[1] + back, ends[1] + face * left, ends[0] + face * left)]
             name = "door or window, foot hidden" if o.foot_hidden else o.kind
             parts.append(polygon(Polygon(corners), f'fill="{COLORS[o.kind]}"', f"{name}: {o.width:.3f} x {o.height:.3f} m"))
+    parts += [
+        polygon(h.outline, 'fill="none" stroke="#222" stroke-dasharray="4 3"', f"Opening in the floor: {h.outline.area:.2f} m2")
+        for h in storey.slab_holes
+    ]
     parts += [polygon(c.footprint, 'fill="#7a3b3b"', f"Column {k}") for k, c in enumerate(storey.columns, start=1)]
     for k, r in enumerate(storey.rooms, start=1):
         at = r.outline.representative_point()

@@ -25,6 +25,8 @@ HIDDEN_EDGES = "HiddenEdges"
 """Property of openings, doors and windows: names of the edges that were not seen."""
 HIDDEN_FACES = "HiddenFaces"
 """Property of columns: names of the sides that were not seen."""
+HEIGHT_SOURCE = "HeightSource"
+"""Property of walls, columns and spaces: whether their height was measured."""
 EDGE_SIGMAS = ("StartEdgeSigma", "EndEdgeSigma", "SillSigma", "HeadSigma")
 """Properties of the same: standard deviation of each edge, in the file's unit of length."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,12 +15,12 @@ from ..planes.fit import Plane
 from ..planes.noise import PointNoise
 from ..planes.surfels import Surfels
 from ..progress import Progress
-from .building import ASSUMED, EDGES, MEASURED, BuiltColumn, BuiltRoom, BuiltWall, FitRecord, FittedFace
+from .building import ASSUMED, EDGES, MEASURED, SEEN, BuiltColumn, BuiltRoom, BuiltWall, FitRecord, FittedFace
 from .column_fit import fit_column
 from .columns import column_returns
 from .crossings import BAND_M, Crossings, cross
 from .face_points import EDGE_M, REACH_M, surface_returns
-from .faces import find_faces, upright_surfels
+from .faces import Face, find_faces, upright_surfels
 from .fitted import FIT_POINTS, LEAST_FIT, FaceReturns, Survey, face_returns, fitted_face, returns_on, room_faces
 from .hole_rectangles import FaceRaster
 from .joins import JoinedWall, join_walls
@@ -40,6 +41,9 @@ BEFORE_WALL_M = 0.12
 HIGHEST = 0.97
 SLOPE_M = 0.1
 """A ceiling that is nowhere along a wall farther from its room's level is level there."""
+LEAST_WALL_HEIGHT_M = 0.3
+INTO_WALL_M = 0.03
+MOSTLY = 0.8
 
 
 @dataclass
@@ -76,29 +80,37 @@ class StoreyDraft:
     """Room, top [m], (N, 3) returns [m] and their stations of what may be a column."""
     band: float
     """Returns this close to a face are on it [m]."""
+    has_ceiling: bool
 
     @property
     def faces(self) -> list[FaceReturns]:
         """All of the storey."""
         return [f for w in self.work for f in w.faces] + [f for pair in self.levels for f in pair if f is not None]
 
+    def height_source(self, rooms: Sequence[Room]) -> str:
+        """Where the heights of some of its rooms come from, at worst (``BuiltWall.height_source``)."""
+        if not self.has_ceiling:
+            return ASSUMED
+        own = [pair for room, pair in zip(self.rooms, self.levels, strict=True) if any(room is r for r in rooms)]
+        return MEASURED if own and all(f is not None for pair in own for f in pair) else SEEN
+
 
 def draft_storey(
-    cloud: Cloud, surfels: Surfels, storey: Storey, noise: PointNoise, progress: Progress
+    cloud: Cloud, surfels: Surfels, storey: Storey, noise: PointNoise, progress: Progress, below: StoreyDraft | None = None
 ) -> StoreyDraft:
-    """What there is in one storey, and the returns on its faces."""
+    """What there is in one storey, and the returns on its faces. On walls of ``below`` that reach up into it its own stand."""
     progress.update(0.0, "Finding rooms")
-    plan = make_plan(cloud, surfels, storey)
-    upright = upright_surfels(surfels, storey.floor + 0.03, storey.top)
-    faces = find_faces(upright)
-    progress.update(0.3, "Finding rooms")
-    rooms = find_rooms(plan, faces, storey)
+    plan, upright, faces, rooms = _rooms(cloud, surfels, storey)
+    if np.isfinite(storey.past) and not any(r.ceiling > storey.past for r in rooms):
+        storey = storey.closed()
+        plan, upright, faces, rooms = _rooms(cloud, surfels, storey)
+    progress.update(0.3, "Finding walls")
     lines = find_walls(rooms, faces)
     band = max(BAND_M, NOISE_FACTOR * noise.sigma_range)
     work = []
     for k, line in enumerate(lines):
         progress.update(0.35 + 0.5 * k / max(len(lines), 1), "Looking for openings")
-        found = _examine(cloud, line, rooms, storey, plan, band)
+        found = _examine(cloud, line, rooms, storey, plan, band, below)
         if found is not None:
             work.append(found)
     settle([w.line for w in work], [_hint(w, band) for w in work])
@@ -115,7 +127,14 @@ def draft_storey(
          _level_returns(cloud, r, r.ceiling, -1.0, band, noise) if storey.has_ceiling else None)
         for r in rooms
     ]  # fmt: skip
-    return StoreyDraft(work, joined, rooms, levels, columns, band)
+    return StoreyDraft(work, joined, rooms, levels, columns, band, storey.has_ceiling)
+
+
+def _rooms(cloud: Cloud, surfels: Surfels, storey: Storey) -> tuple[PlanRaster, Surfels, list[Face], list[Room]]:
+    plan = make_plan(cloud, surfels, storey)
+    upright = upright_surfels(surfels, storey.floor + 0.03, storey.top)
+    faces = find_faces(upright)
+    return plan, upright, faces, find_rooms(plan, faces, storey)
 
 
 def finish_storey(draft: StoreyDraft, survey: Survey) -> StoreyParts:
@@ -130,34 +149,38 @@ def finish_storey(draft: StoreyDraft, survey: Survey) -> StoreyParts:
         external = is_external(w.line, openings, draft.rooms, survey.stations)
         walls.append(
             BuiltWall(j.start, j.end, w.line.thickness, j.footprint, w.base, w.top, openings, j.joins,
-                      tuple(sorted(w.line.rooms)), external, _record(w, fitted), lean.value, lean.sigma,
-                      tuple(fitted), _step(w, draft.band))
+                      tuple(sorted(w.line.rooms)), external, _record(w, fitted),
+                      draft.height_source([draft.rooms[r] for r in w.line.rooms]), lean.value, lean.sigma, tuple(fitted),
+                      _step(w, draft.band))
         )  # fmt: skip
-    columns = [c for candidate in draft.columns if (c := _built_column(*candidate, draft.band, survey)) is not None]
+    columns = [c for candidate in draft.columns if (c := _built_column(draft, *candidate, survey)) is not None]
     built = []
     for room, (bottom, top) in zip(draft.rooms, draft.levels, strict=True):
         floor, ceiling = (None if f is None else fitted_face(f, survey) for f in (bottom, top))
         own = room_faces(room.outline, pairs, survey)
-        built.append(BuiltRoom(_without(room, columns), room.floor, room.ceiling, floor, ceiling, own))
+        built.append(BuiltRoom(_without(room, columns), room.floor, room.ceiling, floor, ceiling, own,
+                               draft.height_source([room])))
     return StoreyParts(draft.rooms, built, walls, columns)
 
 
 def _built_column(
-    room: Room, top: float, points: Array, station: NDArray[np.int64], band: float, survey: Survey
+    draft: StoreyDraft, room: Room, top: float, points: Array, station: NDArray[np.int64], survey: Survey
 ) -> BuiltColumn | None:
     def fit_face(own: NDArray[np.int64]) -> Plane:
         own = own[:: max(1, len(own) // FIT_POINTS)]
         face = returns_on(points[own], station[own], survey.stations, "finished wall", survey.noise)
         return fitted_face(face, survey).plane
 
-    shape = fit_column(points, survey.stations[station], band, fit_face, survey.poses.sigma)
+    shape = fit_column(points, survey.stations[station], draft.band, fit_face, survey.poses.sigma)
     if shape is None:
         return None
     fit = FitRecord(
         shape.residual_mean, shape.residual_sigma, shape.seen, shape.position_sigma, EDGES if shape.hidden else MEASURED,
         shape.returns,
     )
-    return BuiltColumn(shape.footprint, shape.radius, room.floor, top, fit, shape.hidden, shape.on)
+    return BuiltColumn(
+        shape.footprint, shape.radius, room.floor, top, fit, shape.hidden, shape.on, draft.height_source([room])
+    )
 
 
 def _without(room: Room, columns: list[BuiltColumn]) -> Polygon:
@@ -214,10 +237,13 @@ def _hint(work: _Work, band: float) -> Hint:
 
 
 def _examine(
-    cloud: Cloud, line: WallLine, rooms: list[Room], storey: Storey, plan: PlanRaster, band: float
+    cloud: Cloud, line: WallLine, rooms: list[Room], storey: Storey, plan: PlanRaster, band: float, below: StoreyDraft | None
 ) -> _Work | None:
     base = min((rooms[r].floor for r in line.rooms), default=storey.floor)
     top = max((ceiling_along(plan, line, r, rooms[r].ceiling) for r in line.rooms), default=storey.ceiling)
+    base = max(base, _top_below(line, below)) if below is not None else base
+    if top - base < LEAST_WALL_HEIGHT_M:
+        return None
     u, z = (line.u0, line.u1), (base, top)
     sides = [cross(cloud, line.normal, line.near, line.along, u, z, band)]
     if line.two_sided:
@@ -229,6 +255,14 @@ def _examine(
     lost = any(p.right < 0 for p in line.pieces)
     openings = find_openings(raster, sides, base, line.thickness or 0.5, band, lost)
     return _Work(line, sides, raster, openings, base, top)
+
+
+def _top_below(line: WallLine, below: StoreyDraft) -> float:
+    """Top of the wall of the storey below that stands in the same place along most of a line [m]."""
+    u = np.linspace(line.u0, line.u1, 50)[:, None]
+    x, y = (u * line.along + (line.near - INTO_WALL_M) * line.normal).T
+    walls = zip(below.work, below.joined, strict=True)
+    return max((w.top for w, j in walls if contains_xy(j.footprint, x, y).mean() > MOSTLY), default=-np.inf)
 
 
 def ceiling_along(plan: PlanRaster, line: WallLine, room: int, level: float) -> float:

@@ -72,13 +72,14 @@ def _storey(s: BuiltStorey, ids: StoreyIds, origin: list[float]) -> dict[str, An
         "name": s.name, "floor": s.floor + z, "ceiling": s.ceiling + z,
         "rooms": [
             {**_named(ids.rooms, k), "area": r.outline.area, "floor": r.floor + z, "ceiling": r.ceiling + z,
-             "outline": [place(p) for p in list(r.outline.exterior.coords)[:-1]],
+             "height_source": r.height_source, "outline": [place(p) for p in list(r.outline.exterior.coords)[:-1]],
              **dimensions_to_json(room_dimensions(r))}
             for k, r in enumerate(s.rooms)
         ],
         "walls": [
             {**_named(ids.walls, k),
              "start": place(w.start), "end": place(w.end), "thickness": w.thickness, "base": w.base + z, "top": w.top + z,
+             "height_source": w.height_source,
              "thickness_source": w.fit.thickness_source, "fit_mean": w.fit.fit_mean, "fit_sigma": w.fit.fit_sigma,
              "position_sigma": w.fit.position_sigma, "quality": w.fit.quality, "external": w.external,
              "lean_rad": w.lean, "lean_sigma_rad": w.lean_sigma, "rooms": list(w.rooms),
@@ -92,9 +93,15 @@ def _storey(s: BuiltStorey, ids: StoreyIds, origin: list[float]) -> dict[str, An
              ]}
             for k, w in enumerate(s.walls)
         ],
+        "slab_openings": [
+            {**_named(ids.slab_openings, k), "outline": [place(p) for p in list(h.outline.exterior.coords)[:-1]],
+             "area": h.outline.area, "size": h.size, "edge_sigma": h.edge_sigma, "seen": h.seen}
+            for k, h in enumerate(s.slab_holes)
+        ],
         "columns": [
             {**_named(ids.columns, k), "outline": [place(p) for p in list(c.footprint.exterior.coords)[:-1]],
-             "radius": c.radius, "base": c.base + z, "top": c.top + z, "fit_mean": c.fit.fit_mean, "fit_sigma": c.fit.fit_sigma,
+             "radius": c.radius, "base": c.base + z, "top": c.top + z, "height_source": c.height_source,
+             "fit_mean": c.fit.fit_mean, "fit_sigma": c.fit.fit_sigma,
              "position_sigma": c.fit.position_sigma, "quality": c.fit.quality, "thickness_source": c.fit.thickness_source,
              "hidden_faces": list(c.hidden), "on_outline": c.on}
             for k, c in enumerate(s.columns)

@@ -14,9 +14,10 @@ from shapely.geometry.polygon import orient
 
 from ... import __version__
 from ..files import whole_file
-from .building import BuiltSlab, BuiltStorey, BuiltWall, FitRecord, Reconstruction, StoreyIds
+from .building import ASSUMED, BuiltColumn, BuiltRoom, BuiltSlab, BuiltStorey, BuiltWall, FitRecord, Reconstruction, StoreyIds
 from .openings import Opening
-from .shapes import HIDDEN_EDGES, HIDDEN_FACES, PSET_NAME
+from .shapes import HEIGHT_SOURCE, HIDDEN_EDGES, HIDDEN_FACES, PSET_NAME
+from .slab_holes import SlabHole
 
 Array = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ class _Writer:
         self.api: Any = ifcopenshell.api
         self.result = result
         self.made: list[dict[str, list[Any]]] = []
-        """Of each storey its products: rooms, walls, openings (of all walls, in their order), columns."""
+        """Of each storey its products: rooms, walls, openings (of all walls, in their order), columns, openings of slabs."""
         self.file: Any = self.api.project.create_file("IFC4")
         f = self.file
         self.project = self.api.root.create_entity(f, "IfcProject", name="Reconstruction")
@@ -106,7 +107,7 @@ class _Writer:
         rooms, walls, holes, columns = ([p.GlobalId for p in made[k]] for k in ("rooms", "walls", "openings", "columns"))
         rest = iter(holes)
         openings = tuple(tuple(next(rest) for _ in wall.openings) for wall in built.walls)
-        return StoreyIds(tuple(rooms), tuple(walls), openings, tuple(columns))
+        return StoreyIds(tuple(rooms), tuple(walls), openings, tuple(columns), tuple(p.GlobalId for p in made["slab_openings"]))
 
     def _storey(self, built: BuiltStorey) -> Any:
         f = self.file
@@ -115,7 +116,7 @@ class _Writer:
         elevation = float(built.floor + self.result.origin[2])
         place = self._place(storey, self.building_place, np.array([0.0, 0.0, elevation]))
         contained = []
-        made: dict[str, list[Any]] = {"rooms": [], "walls": [], "openings": [], "columns": []}
+        made: dict[str, list[Any]] = {"rooms": [], "walls": [], "openings": [], "columns": [], "slab_openings": []}
         self.made.append(made)
         walls, spaces = made["walls"], made["rooms"]
         for number, wall in enumerate(built.walls, start=1):
@@ -128,7 +129,7 @@ class _Writer:
             profile = self._circle(centre.x, centre.y, column.radius) if column.radius else self._profile(column.footprint)
             self._body(product, self._extrude(profile, column.base - built.floor, column.top - column.base))
             hidden = {} if column.radius else {HIDDEN_FACES: f.create_entity("IfcLabel", ", ".join(column.hidden) or "none")}
-            self._pset(product, column.fit, hidden)
+            self._pset(product, column.fit, self._height_source(column) | hidden)
             made["columns"].append(product)
             contained.append(product)
         for slab in built.slabs:
@@ -137,7 +138,8 @@ class _Writer:
             space = self._element("IfcSpace", f"Room {number}", place, "INTERNAL")
             space.CompositionType = "ELEMENT"
             self._body(space, self._extrude(self._profile(room.outline), room.floor - built.floor, room.ceiling - room.floor))
-            self._quantities(space, room.outline, room.ceiling - room.floor)
+            self._set(space, PSET_NAME, self._height_source(room) | self._method())
+            self._quantities(space, room.outline, None if room.height_source == ASSUMED else room.ceiling - room.floor)
             spaces.append(space)
         self._aggregate(storey, spaces)
         if contained:
@@ -165,7 +167,7 @@ class _Writer:
         line = f.create_entity("IfcPolyline", [self._point((0.0, 0.0)), self._point((wall.length, 0.0))])
         axis = f.create_entity("IfcShapeRepresentation", self.axis, "Axis", "Curve2D", [line])
         product.Representation.Representations = [*product.Representation.Representations, axis]
-        self._pset(product, wall.fit)
+        self._pset(product, wall.fit, self._height_source(wall))
         external = {} if wall.external is None else {"IsExternal": wall.external}
         self._common(product, "Pset_WallCommon", external)
         parts = []
@@ -239,7 +241,19 @@ class _Writer:
         product = self._element("IfcSlab", {"ROOF": "Roof slab"}.get(slab.kind, "Floor slab"), place, slab.kind)
         self._body(product, self._extrude(self._profile(slab.footprint), slab.top - floor - slab.thickness, slab.thickness))
         self._pset(product, slab.fit)
+        for number, hole in enumerate(slab.holes, start=1):
+            self._slab_opening(product, slab, hole, f"Opening {product.Name} {number}", floor)
         return product
+
+    def _slab_opening(self, host: Any, slab: BuiltSlab, hole: SlabHole, name: str, floor: float) -> None:
+        opening = self._element("IfcOpeningElement", name, host.ObjectPlacement, "OPENING")
+        bottom = slab.top - floor - slab.thickness - THROUGH_M
+        self._body(opening, self._extrude(self._profile(hole.outline), bottom, slab.thickness + 2 * THROUGH_M))
+        self.file.create_entity(
+            "IfcRelVoidsElement", GlobalId=_new(), RelatingBuildingElement=host, RelatedOpeningElement=opening
+        )
+        self._pset(opening, FitRecord(None, None, hole.seen, hole.edge_sigma, slab.fit.thickness_source))
+        self.made[-1]["slab_openings"].append(opening)
 
     def _connect(self, built: BuiltStorey, walls: list[Any]) -> None:
         done = set()
@@ -317,7 +331,13 @@ class _Writer:
         self._set(product, PSET_NAME, {
             name: f.create_entity(kind, value if isinstance(value, str) else float(value))
             for name, kind, value in values if value is not None and (isinstance(value, str) or math.isfinite(value))
-        } | (more or {}) | {"Method": f.create_entity("IfcLabel", f"bim_verify {__version__}")})
+        } | (more or {}) | self._method())
+
+    def _method(self) -> dict[str, Any]:
+        return {"Method": self.file.create_entity("IfcLabel", f"bim_verify {__version__}")}
+
+    def _height_source(self, built: BuiltWall | BuiltColumn | BuiltRoom) -> dict[str, Any]:
+        return {HEIGHT_SOURCE: self.file.create_entity("IfcLabel", built.height_source)} if built.height_source else {}
 
     def _common(self, product: Any, name: str, values: dict[str, bool]) -> None:
         if values:
@@ -329,13 +349,14 @@ class _Writer:
         pset = f.create_entity("IfcPropertySet", GlobalId=_new(), Name=name, HasProperties=properties)
         f.create_entity("IfcRelDefinesByProperties", GlobalId=_new(), RelatedObjects=[product], RelatingPropertyDefinition=pset)
 
-    def _quantities(self, space: Any, outline: Polygon, height: float) -> None:
+    def _quantities(self, space: Any, outline: Polygon, height: float | None) -> None:
         f = self.file
         quantities = [
             f.create_entity("IfcQuantityArea", Name="NetFloorArea", AreaValue=float(outline.area)),
-            f.create_entity("IfcQuantityLength", Name="Height", LengthValue=float(height)),
             f.create_entity("IfcQuantityLength", Name="GrossPerimeter", LengthValue=float(outline.exterior.length)),
         ]
+        if height is not None:
+            quantities.append(f.create_entity("IfcQuantityLength", Name="Height", LengthValue=float(height)))
         own = f.create_entity("IfcElementQuantity", GlobalId=_new(), Name="Qto_SpaceBaseQuantities", Quantities=quantities)
         f.create_entity("IfcRelDefinesByProperties", GlobalId=_new(), RelatedObjects=[space], RelatingPropertyDefinition=own)
 

@@ -12,8 +12,9 @@ from bim_verify.cli import main
 from bim_verify.core.planes.fit import fit_plane
 from bim_verify.core.planes.noise import PointNoise
 from bim_verify.core.reconstruction.building import BuiltRoom, FittedFace
-from bim_verify.core.reconstruction.reconstruct import _footprints
+from bim_verify.core.reconstruction.levels import Storey
 from bim_verify.core.reconstruction.rooms import Room
+from bim_verify.core.reconstruction.slabs import on_floor, outlines
 from bim_verify.core.reconstruction.storey import StoreyParts
 
 CORNERS = np.array([[0.0, 0.0, 2.5], [1.0, 0.0, 2.5], [1.0, 1.0, 2.5], [0.0, 1.0, 2.5], [0.4, 0.3, 2.5]])
@@ -25,15 +26,19 @@ def storey(*outlines: Polygon, ceiling: FittedFace | None) -> StoreyParts:
     return StoreyParts(rooms, [BuiltRoom(o, 0.0, 2.5, None, ceiling) for o in outlines], [], [])
 
 
+def feet(part: StoreyParts, below: StoreyParts | None = None) -> list[Polygon]:
+    return outlines(on_floor(Storey(2.8, 5.3, True, 5.3, (0,)), part, below))
+
+
 @pytest.mark.parametrize(("ceiling", "area"), [(CEILING, 60.0), (None, 20.0)])
 def test_a_slab_covers_the_rooms_below_whose_ceiling_was_seen(ceiling: FittedFace | None, area: float) -> None:
-    (foot,) = _footprints(storey(box(0, 0, 5, 4), ceiling=None), storey(box(0, 0, 10, 6), ceiling=ceiling))
+    (foot,) = feet(storey(box(0, 0, 5, 4), ceiling=None), storey(box(0, 0, 10, 6), ceiling=ceiling))
     assert foot.area == pytest.approx(area)
 
 
 def test_every_part_of_a_storey_has_a_slab() -> None:
-    assert len(_footprints(storey(box(0, 0, 5, 4), box(20, 0, 25, 4), ceiling=None))) == 2
-    assert not _footprints(storey(ceiling=None), storey(box(0, 0, 5, 4), ceiling=CEILING))
+    assert len(feet(storey(box(0, 0, 5, 4), box(20, 0, 25, 4), ceiling=None))) == 2
+    assert not feet(storey(ceiling=None), storey(box(0, 0, 5, 4), ceiling=CEILING))
 
 
 def test_a_floor_alone_is_no_building(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
