@@ -301,5 +301,5 @@ def test_polls_say_what_is_missing(blender: bpy.types.Scene, house: Path) -> Non
 
 def test_a_bad_scanner_position_is_explained(prepared: bpy.types.Scene) -> None:
     prepared.bim_verify.origin = "over there"
-    with pytest.raises(RuntimeError, match="is not X,Y,Z in metres"):
+    with pytest.raises(RuntimeError, match="takes three numbers X,Y,Z in metres"):
         ops.verify()
