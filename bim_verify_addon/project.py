@@ -194,5 +194,8 @@ def placement(model: BuildingModel | None, paths: Sequence[str], options: InputO
 
     if model is None or not paths:
         return np.eye(4)
-    source = to_model_frame(model, open_scans(paths, origin=options.origin), options.scan_frame)
+    given = options.origin
+    if given is not None and not isinstance(given, Mapping):  # where points lie does not hang on it: no reason to refuse
+        given = dict.fromkeys(paths, given)
+    source = to_model_frame(model, open_scans(paths, origin=given), options.scan_frame)
     return source.transform if isinstance(source, TransformedSource) else np.eye(4)

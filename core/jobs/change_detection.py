@@ -88,11 +88,11 @@ def change(
         plans, parts, wrong_tasks = _stated(model)
         watch.lap("query positions")
         campaigns = [*([reference] if reference is not None else []), *epochs]
-        campaigns = [opened(scans, options) for scans in campaigns]
-        check_one_origin(campaigns, options)
+        sources = [opened(scans, options) for scans in campaigns]
+        check_one_origin(sources, options)
         names = [*(["reference"] if reference is not None else []), *_names(len(epochs))]
         views = []
-        for n, (name, scans) in enumerate(zip(names, campaigns, strict=True)):
+        for n, (name, scans) in enumerate(zip(names, sources, strict=True)):
             part = progress.part(0.15 + 0.6 * n / len(campaigns), 0.15 + 0.6 * (n + 1) / len(campaigns))
             source, blocks = open_with_blocks(model, scans, options)
             record = _aligned(model, samples, source, options, name, part.part(0.0, 0.15))
