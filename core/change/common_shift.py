@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 LEAST_ELEMENTS = 3
 """A direction is fixed when the fits of so many elements agree along it: one or two may have moved."""
 LEAST_FOR_TURN = 20
-"""... and a turn when so many do, in all: of fewer, one that moved may look like it (3 in 200 made-up buildings of 15)."""
+"""... and a turn when so many do, in all: of fewer, one that moved may look like it."""
 AGREES = 0.5
 """A fit agrees with what the others share when it keeps this much of its weight."""
 LEAST_AGREEING = 0.5
@@ -93,6 +93,7 @@ def common_shift(fits: Fits) -> CommonShift | None:
     turn = np.zeros(3)
     if turned is not None:
         shift, turn, covariance, robust = turned
+        arm = arm - np.average(arm, axis=0, weights=robust)
     else:
         a = normal @ basis.T
         shift = basis.T @ found
@@ -162,4 +163,6 @@ def _turned(
     if gain <= chdtri(len(both) - len(basis), 0.01):
         return None
     twist = both.T @ found
-    return twist[:3], twist[3:] / extent, covariance[:3, :3], weight
+    middle = np.average(arm, axis=0, weights=weight)
+    there = np.hstack([np.eye(3), np.cross(np.eye(3), middle).T / extent])  # the shift of the middle of those that agree
+    return there @ twist, twist[3:] / extent, there @ covariance @ there.T, weight
