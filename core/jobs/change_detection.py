@@ -333,10 +333,11 @@ def _warnings(
     model: BuildingModel, edge: float, options: ChangeOptions, views: list[_View], has_reference: bool, undated: bool,
     left_out: int, between: CommonShift | None,
 ) -> Iterator[str]:
-    off = [said for view in views for said in misplaced(view.name, MODEL, view.sight.offset, edge, options)]
-    yield from off or misplaced(views[-1].name, views[0].name, between, edge, options)
-    for view in views:
-        yield from strange(view.name, view.sight)
+    off = [list(misplaced(view.name, MODEL, view.sight.offset, edge, options)) for view in views]
+    for view, said in zip(views, off, strict=True):
+        yield from said or strange(view.name, view.sight)
+    if not any(off):
+        yield from misplaced(views[-1].name, views[0].name, between, edge, options)
     yield from place_open([v.name for v in views if v.sight.place_open])
     if edge > options.voxel:
         yield (

@@ -74,6 +74,7 @@ def test_a_visit_far_off_its_place_calls_nothing_gone() -> None:
     assert result.epoch.offset.length == pytest.approx(0.1, abs=0.003)
     (said,) = [w for w in result.warnings if w.startswith("The epoch lies ")]  # once, though the reference shows it too
     assert "from the model" in said and "--align fine" in said and "--registration-sigma-mm" in said
+    assert not any("another building" in w for w in result.warnings)
     assert {e.state for e in result.elements} <= {"CONFIRMED", "UNKNOWN"}
     assert sum(e.disappeared_volume for e in result.elements) == 0.0
 
