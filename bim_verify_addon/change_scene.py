@@ -22,9 +22,8 @@ def show_change(target: bpy.types.Scene, result: ChangeResult, only: Collection[
     """Show elements, what is left of those that stand in part (both of the GlobalIds ``only``), and voxels of a comparison;
     what an earlier one showed of them is replaced."""
     objects = scene.objects_of(target, result.model)
-    series = [*([result.reference] if result.reference else []), *result.epochs]
-    columns = [epoch.states for epoch in series]
-    names = [f"{epoch.name} {epoch.date[:10]}".strip() for epoch in series]
+    columns = [epoch.states for epoch in result.series]
+    names = [f"{epoch.name} {epoch.date[:10]}".strip() for epoch in result.series]
     if result.reference:
         columns.append(tuple(e.state for e in result.elements))
         names.append("change")
@@ -44,6 +43,8 @@ def show_change(target: bpy.types.Scene, result: ChangeResult, only: Collection[
         f"{found['CONFIRMED']} confirmed, {found['NEW']} new, {found['DISAPPEARED']} gone, {found['PARTIAL']} partial, "
         f"{found['UNKNOWN']} unknown"
     )
+    if places := result.places():
+        settings.summary += f"\n{places}"
     settings.epoch = len(columns)
     color_elements(target)
 

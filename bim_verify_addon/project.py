@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import BimVerifyError
-from ..core.options import VerifyOptions
+from ..core.options import InputOptions, VerifyOptions
 from ..core.progress import Progress
+from ..core.scans.origins import Origins, parse_origins
 from . import bonsai, frame
 from .session import SESSION
 
@@ -47,7 +48,7 @@ def take_options(settings: bpy.types.PropertyGroup, given: VerifyOptions) -> Non
     settings.spacing_mm, settings.fusion, settings.preset = 1000 * given.sample_spacing, given.fusion, given.preset
     settings.take_sigma(given.registration_sigma)
     settings.scan_frame = given.scan_frame
-    settings.origin = "" if given.origin is None else ",".join(repr(float(value)) for value in given.origin)
+    settings.origin = in_text(given.origin)
     settings.threads, settings.memory_gb = given.threads, given.memory_gb
 
 
@@ -57,15 +58,20 @@ def in_words(model: BuildingModel) -> str:
     return f"{len(model.elements)} elements in {storeys} storey{'s' if storeys != 1 else ''}, {model.schema}"
 
 
-def scanner_position(text: str) -> tuple[float, float, float] | None:
-    """``X,Y,Z`` to metres; None for an empty text."""
+def scanner_position(text: str) -> Origins:
+    """``X,Y,Z`` to metres, or ``FILE=X,Y,Z; FILE=X,Y,Z``; None for an empty text."""
     if not text.strip():
         return None
-    try:
-        x, y, z = (float(part) for part in text.replace(";", ",").split(","))
-    except ValueError as error:
-        raise BimVerifyError(f"The scanner position {text!r} is not X,Y,Z in metres. Write it like 1.5,2.0,1.7.") from error
-    return x, y, z
+    entries = [part for part in text.split(";") if part.strip()] if "=" in text else [text.replace(";", ",")]
+    return parse_origins("Scanner position", entries)
+
+
+def in_text(given: Origins) -> str:
+    """The reverse of ``scanner_position``."""
+    if given is None:
+        return ""
+    places = given.items() if isinstance(given, Mapping) else [("", given)]
+    return "; ".join(f"{name}{'=' * bool(name)}{','.join(repr(float(v)) for v in place)}" for name, place in places)
 
 
 def scan_paths(settings: bpy.types.PropertyGroup) -> list[str]:
@@ -177,7 +183,7 @@ def adopt_frame(scene: bpy.types.Scene, model: BuildingModel | None, cloud: NDAr
         frame.store(scene, chosen)
 
 
-def placement(model: BuildingModel | None, paths: Sequence[str], options: VerifyOptions) -> NDArray[np.float64]:
+def placement(model: BuildingModel | None, paths: Sequence[str], options: InputOptions) -> NDArray[np.float64]:
     """(4, 4) from the frame of the scan files to the model frame, metres, as verification takes it without alignment.
 
     For a worker thread. Without a model, scans stay where they are.
@@ -188,5 +194,8 @@ def placement(model: BuildingModel | None, paths: Sequence[str], options: Verify
 
     if model is None or not paths:
         return np.eye(4)
-    source = to_model_frame(model, open_scans(paths, origin=options.origin), options.scan_frame)
+    given = options.origin
+    if given is not None and not isinstance(given, Mapping):  # where points lie does not hang on it: no reason to refuse
+        given = dict.fromkeys(paths, given)
+    source = to_model_frame(model, open_scans(paths, origin=given), options.scan_frame)
     return source.transform if isinstance(source, TransformedSource) else np.eye(4)

@@ -180,7 +180,8 @@ class BimVerifySettings(KnownRegistration, bpy.types.PropertyGroup):
     )
     origin: StringProperty(
         name="Scanner position",
-        description="X,Y,Z in metres, for scan files that do not say where the scanner stood; empty: not known",
+        description="X,Y,Z in metres, for a scan file that does not say where the scanner stood; for several such files "
+        "FILE=X,Y,Z; FILE=X,Y,Z; empty: not known",
     )
     threads: IntProperty(name="Threads", default=DEFAULTS.threads, min=0, max=256, description="0: as many as the machine has")
     memory_gb: FloatProperty(

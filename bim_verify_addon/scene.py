@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.files import same_file
 from ..core.model.elements import BuildingModel, Element
 from ..core.results import LEVELS, ElementVerdict, VerificationResult
 from . import bonsai, colors, frame
@@ -168,10 +169,12 @@ def remove_scan(scene: bpy.types.Scene, path: str) -> None:
     remove(*(item for item in scan_objects(scene) if item[SCAN_KEY] == path))
 
 
-def move_scans(scene: bpy.types.Scene, transform: NDArray[np.float64]) -> None:
-    """Show all scans where ``transform`` puts them, (4, 4): frame of the files to model frame, metres."""
+def move_scans(scene: bpy.types.Scene, transform: NDArray[np.float64], paths: Sequence[str] | None = None) -> None:
+    """Show all scans (those of ``paths``) where ``transform`` puts them, (4, 4): frame of the files to model frame, metres."""
     place = frame.stored(scene) or frame.ViewFrame()
     for item in scan_objects(scene):
+        if paths is not None and not any(same_file(bpy.path.abspath(item[SCAN_KEY]), path) for path in paths):
+            continue
         item[frame.PLACEMENT_KEY] = [float(v) for v in transform.ravel()]
         frame.place(item, place)
 

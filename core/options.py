@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from .scans.origins import Origins
+
 AlignMode = Literal["none", "fine", "auto"]
 FusionRule = Literal["station", "dempster", "yager", "dubois-prade"]
 ScanFrame = Literal["auto", "model", "map"]
@@ -16,8 +18,9 @@ class InputOptions:
 
     scan_frame: ScanFrame = "auto"
     """Whether the scans are in the model's own frame or in that of its map conversion."""
-    origin: tuple[float, float, float] | None = None
-    """Scanner position for scan files that do not have any, metres, scan frame."""
+    origin: Origins = None
+    """Scanner position for a scan file that does not have any, metres, scan frame; for several, one for each by its path or
+    name."""
     threads: int = 0
     """0: as many as the machine has."""
     memory_gb: float = 3.0
@@ -70,6 +73,8 @@ class ChangeOptions(InputOptions):
     """Standard deviation of a station's position, metres; None: estimated from the stations' agreement."""
     sample_spacing: float = 0.02
     """Distance between query positions on planned surfaces, metres."""
+    align: AlignMode = "none"
+    """How each epoch, and the reference, is brought to the model, each for itself."""
     date: str = ""
     """Day of the last epoch, for scans that do not say it (ISO 8601)."""
 

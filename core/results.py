@@ -100,6 +100,11 @@ class AlignmentRecord:
     rms: float | None = None
     inlier_ratio: float | None = None
 
+    @property
+    def axis_sigma(self) -> float:
+        """Standard deviation of the place along one axis, metres; zero without alignment."""
+        return 0.0 if self.covariance is None else float(np.sqrt(np.trace(self.covariance[3:, 3:]) / 3.0))
+
 
 CAMERA_SENSOR = "camera"
 """Sensor of a station that is a photo."""

@@ -1,14 +1,14 @@
 """States of elements on simulated campaigns with known demolition, new walls, moved elements, clutter and occlusion.
 
     python scripts/bench_change.py [MODEL.ifc ...] [--seeds 1 2] [--scanner fast] [--voxel-mm 10]
-        [--sample-spacing-mm 50] [--threads N] [--cuts 0.15] [--keep FOLDER]
+        [--sample-spacing-mm 50] [--threads N] [--cuts 0.15] [--offset-mm X,Y,Z] [--align fine] [--keep FOLDER]
 
 Without files, the demo house made in code is used. For each model and seed there are two campaigns from stations of their
 own: a reference in which some elements are not built yet, and an epoch in which these are built, others are gone, some moved,
 with ``--cuts`` walls and slabs of which an end or a stretch is cut away, and boxes and a person stand about. Scored are the
 epoch against the reference, and both against the model. Printed are precision and recall of the states among decided elements,
-hidden elements called disappeared, and volumes of elements that were seen from (nearly) everywhere; of cut ones also those of
-which half was seen.
+hidden elements called disappeared, how the visits lie (with ``--offset-mm`` all poses of the epoch are off by that), and
+volumes of elements that were seen from (nearly) everywhere; of cut ones also those of which half was seen.
 """
 
 from __future__ import annotations
@@ -99,12 +99,16 @@ def main() -> None:
     parser.add_argument("--sample-spacing-mm", type=float, default=1000 * ChangeOptions().sample_spacing)
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--cuts", type=float, default=0.0, help="share of the walls and slabs that are cut")
+    parser.add_argument("--offset-mm", default="0,0,0", help="X,Y,Z that all recorded stations of the epoch are off by")
+    parser.add_argument("--align", default="none", choices=("none", "fine", "auto"))
     parser.add_argument("--keep", type=Path, help="folder for the campaigns' scans and truths")
     parser.add_argument("--misses", type=int, default=12)
     options = parser.parse_args()
     settings = ChangeOptions(
-        voxel=options.voxel_mm / 1000, sample_spacing=options.sample_spacing_mm / 1000, threads=options.threads
+        voxel=options.voxel_mm / 1000, sample_spacing=options.sample_spacing_mm / 1000, threads=options.threads,
+        align=options.align,
     )
+    offset = np.array([float(v) for v in options.offset_mm.split(",")]) / 1000
     tally = Tally(change_tolerance(settings.voxel, settings.sigma, 0.001))
     with tempfile.TemporaryDirectory() as name:
         folder = options.keep or Path(name)
@@ -113,9 +117,13 @@ def main() -> None:
             for seed in options.seeds:
                 before, epoch, built = campaigns(model, seed, options.scanner, options.cuts)
                 then = write_campaign(before, folder / f"{path.stem}_{seed}_before")
+                moved = [dataclasses.replace(s, recorded_position=s.recorded_position + offset) for s in epoch.set_ups]
+                epoch = dataclasses.replace(epoch, set_ups=tuple(moved))
                 now = write_campaign(epoch, folder / f"{path.stem}_{seed}_now")
                 result = change(model, [[now.scan_path]], [then.scan_path], settings)
                 print(f"{path.name} seed {seed}: " + ", ".join(f"{k} {v:.0f} s" for k, v in result.timings.items()), flush=True)
+                print(f"{result.places()} Found of elements in view: " + ", ".join(
+                    f"{e.name} {e.found_ratio:.0%}" for e in result.series if e.found_ratio is not None), flush=True)
                 where = f"{path.name} seed {seed}"
                 tally.states(f"{where}, two epochs", model, [e.state for e in result.elements], epoch.edits, built, now.truth,
                              then.truth, [e.reason for e in result.elements])

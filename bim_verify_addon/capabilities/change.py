@@ -82,7 +82,7 @@ def show(scene: bpy.types.Scene, result: Any) -> bool:
     if not isinstance(result, ChangeResult):
         return False
     settings, own = scene.bim_verify, scene.bim_verify_change
-    settings.model_path = str(Path(result.model.path).resolve())
+    settings.model_path, settings.align = str(Path(result.model.path).resolve()), result.options.align
     for number, epoch in enumerate(result.epochs, start=1):
         for path in epoch.paths:
             entry = settings.scans.add()

@@ -39,8 +39,8 @@ def element_state(
 
 
 def undecided(found: Decision) -> Decision:
-    """A change that may be an error of the place of a block of photos."""
-    return Decision("UNKNOWN", f"{found.reason} But all photos may be off by as much: nothing but given poses fixes them.")
+    """A change that may be an error of the place from which a whole epoch was seen."""
+    return Decision("UNKNOWN", f"{found.reason} But everything that was seen may be off by as much: see the warnings.")
 
 
 def partly_gone(model: BuildingModel, row: int, deep_share: float) -> bool:

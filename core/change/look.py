@@ -38,6 +38,7 @@ from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
 from ..sensing.loa import level_sigma, worst_voxel_shift
+from .common_shift import CommonShift, Fits, common_shift
 from .found_place import nearer_places, without_neighbours
 from .twins import bodies, decided_together, may_be_either, twins_of
 from .unclear import split_beams, without_unclear
@@ -95,18 +96,23 @@ class EpochSight:
     registration_sigma: float
     see_through: bool
     tolerance: float
-    place_open: bool = False
-    """Whether photos alone say where it was seen from, and may all be off by more than the window of a planned surface."""
+    place_open: bool
+    """Whether where it was seen from may be off, as a whole, by more than the window of a planned surface."""
+    fits: Fits
+    offset: CommonShift | None
+    """What all elements are off by together."""
 
 
 def look_at_elements(
     model: BuildingModel, samples: SurfaceSamples, scene: RayScene, stations: StationIndexes, *, sigma: float,
     edge: float, registration_sigma: float | None, progress: Progress, parts: Parts = frozenset(), place: float = 0.0,
+    aligned_sigma: float = 0.0,
 ) -> EpochSight:
     """Decide for each element what this epoch shows. Raises BimVerifyError when no return comes near the model.
 
     ``parts`` names elements that are parts of others; ``place`` [m], of a block of photos that nothing fixes, is the least
-    registration sigma where none is given.
+    registration sigma where none is given, and so is what all elements are off by together. To it comes ``aligned_sigma`` [m],
+    that of an alignment.
     """
     thresholds = Thresholds()
     surfaces = ElementSurfaces(model)
@@ -123,16 +129,25 @@ def look_at_elements(
             "register the scan."
         )
     errors = estimate_errors(seen, samples, sigma, window, len(stations.stations), registration_sigma)
-    place_open = place > 0.0 and 2.0 * (place if registration_sigma is None else registration_sigma) > window
-    registration_sigma = max(errors.registration.sigma, place) if registration_sigma is None else registration_sigma
     context = Context(
-        loa=LOA, sigma=sigma, registration_sigma=registration_sigma, errors=errors, window=window,
+        loa=LOA, sigma=sigma, errors=errors, window=window,
+        registration_sigma=max(errors.registration.sigma, place if registration_sigma is None else 0.0),
         see_through=looks_through_glass(scenery, seen, window), thresholds=thresholds,
         station_names=tuple(s.name for s in stations.stations),
     )
     seen = with_glass(scenery, seen, samples.triangle[seen.sample], context.see_through)
-    tolerance = change_tolerance(edge, sigma, registration_sigma)
     found = places(scenery, seen, context, progress.part(0.6, 0.95))
+    fits = Fits.of(model, found.plans, found.best, thresholds)
+    offset = common_shift(fits)
+    if registration_sigma is None:
+        place = max(place, offset.axis_sigma if offset and offset.significant else 0.0)
+        place_open = 2.0 * place > window
+        registration_sigma = max(errors.registration.sigma, place)
+    else:
+        place_open = place > 0.0 and 2.0 * registration_sigma > window
+    registration_sigma = math.hypot(registration_sigma, aligned_sigma)
+    context = replace(context, registration_sigma=registration_sigma)
+    tolerance = change_tolerance(edge, sigma, registration_sigma)
     as_found = AsFound.of(found, samples, context)
     built = as_found.scene(scenery, found, window)
     found, doubtful = explained_anew(scenery, found, as_found, built, context)
@@ -182,7 +197,7 @@ def look_at_elements(
             for row, (plan, best) in enumerate(zip(found.plans, best_places, strict=True))
         ])
         known_gone = np.array([e.seen in ("GONE", "MOVED") for e in elements])
-    return EpochSight(elements, registration_sigma, context.see_through, tolerance, place_open)
+    return EpochSight(elements, registration_sigma, context.see_through, tolerance, place_open, fits, offset)
 
 
 def _sight(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
@@ -14,6 +15,7 @@ from .planned import Planned
 
 if TYPE_CHECKING:
     from ..model.elements import BuildingModel
+    from ..results import AlignmentRecord
     from .voxels import VoxelCloud
 
 State = Literal["CONFIRMED", "NEW", "DISAPPEARED", "PARTIAL", "UNKNOWN"]
@@ -84,6 +86,47 @@ class Cluster:
 
 
 @dataclass(frozen=True)
+class CommonShift:
+    """How a whole visit lies against the model, or against another visit. Metres and radians, model frame."""
+
+    shift: tuple[float, float, float]
+    """Of the middle of the elements that tell, in the directions that they fix; zero in the others."""
+    turn: tuple[float, float, float] | None
+    """Rotation vector about that middle; None where the fits show none."""
+    sigma: float
+    """Standard deviation of ``shift`` along itself."""
+    elements: int
+    """How many agree on it."""
+    fixed: tuple[bool, bool, bool]
+    """Whether they fix it along x, y and z."""
+    significant: bool
+    """Whether it differs from none at 95 %."""
+    axis_sigma: float
+    """Standard deviation along one axis that errors of this size have, turn counted."""
+
+    @property
+    def length(self) -> float:
+        """Metres, of the shift."""
+        return math.sqrt(sum(v * v for v in self.shift))
+
+    @property
+    def degrees(self) -> float:
+        """Of the turn; zero where none shows."""
+        return math.degrees(math.hypot(*(self.turn or (0.0,))))
+
+    def in_words(self) -> str:
+        """``12.1 mm (9.0, -7.0, 4.0)``, with the turn in degrees; ? along axes that are not fixed."""
+        along = (f"{1000 * v:z.1f}" if known else "?" for v, known in zip(self.shift, self.fixed, strict=True))
+        turn = "" if self.turn is None else f", turned by {self.degrees:.3f} degrees"
+        return f"{1000 * self.length:.1f} mm ({', '.join(along)}){turn}"
+
+    @property
+    def reach(self) -> float:
+        """Metres that the elements are off by, turn counted (root mean square); zero where it is not significant."""
+        return math.sqrt(3.0) * self.axis_sigma if self.significant else 0.0
+
+
+@dataclass(frozen=True)
 class EpochRecord:
     """One epoch: its scans, and what it says of all elements."""
 
@@ -99,6 +142,12 @@ class EpochRecord:
     registration_sigma: float
     states: tuple[State, ...]
     """One per element, against the model."""
+    offset: CommonShift | None
+    """What its elements are off by together against the model; None where too few tell."""
+    found_ratio: float | None
+    """Share that was found of the elements in view; None where none was."""
+    alignment: AlignmentRecord
+    """How its scans were brought to the model."""
     progress: tuple[GroupProgress, ...] = ()
     """As of its own day."""
 
@@ -164,6 +213,8 @@ class ChangeResult:
     surfaces: Mapping[int, NDArray[np.int64]]
     """Planned voxels (N, 3) of those of these that are kept by their surface, because they are thin or open."""
     method: str
+    offset_from_reference: CommonShift | None = None
+    """What the elements of the last epoch are off by together against the reference."""
     timings: dict[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
@@ -174,6 +225,18 @@ class ChangeResult:
     def count(self, state: State) -> int:
         """Number of elements in this state."""
         return sum(e.state == state for e in self.elements)
+
+    @property
+    def series(self) -> tuple[EpochRecord, ...]:
+        """All epochs in order of time, the reference first."""
+        return (*([self.reference] if self.reference else []), *self.epochs)
+
+    def places(self) -> str:
+        """How the epochs lie against the model, and the last against the reference, in one sentence; empty if nothing tells."""
+        told = [f"the {e.name} {e.offset.in_words()} from the model" for e in self.series if e.offset]
+        if self.offset_from_reference:
+            told.append(f"the {self.epoch.name} {self.offset_from_reference.in_words()} from the reference")
+        return f"Common shift: {', '.join(told)}." if told else ""
 
     def summary(self) -> dict[str, Any]:
         """Counts per state and the volumes, for a one-line answer."""

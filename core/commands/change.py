@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from ..change.results import STATES, ChangeResult
@@ -17,7 +18,7 @@ from .checks import (
     refuse_same,
     zero_or_more,
 )
-from .table import COMMON, MODEL, ORIGIN, Argument, Command, Outcome, Values
+from .table import ALIGN, COMMON, MODEL, ORIGIN, Argument, Command, Outcome, Values
 
 DEFAULT = ChangeOptions()
 
@@ -40,6 +41,7 @@ def change_options(values: Values) -> ChangeOptions:
         loa=values["loa"],
         sigma=values["sigma_mm"] / 1000,
         registration_sigma=None if registration is None else registration / 1000,
+        align=values["align"],
         date=check_day(values["date"] or "", "--date"),
         **input_options(values),
     )
@@ -94,6 +96,12 @@ def summary_lines(result: ChangeResult) -> list[str]:
         f"Gone {found['disappeared_volume']:.3f} m3, standing {found['built_volume']:.3f} m3, "
         f"summed over elements, in voxels of {1000 * result.edge:g} mm.",
     ]
+    for epoch in result.series:
+        if epoch.alignment.mode != "none":
+            weakest = epoch.alignment.weakest_direction or "all six directions are fixed"
+            lines.append(f"Alignment of the {epoch.name} ({epoch.alignment.mode}): {weakest}")
+    if places := result.places():
+        lines.append(places)
     if new := [c for c in result.clusters if c.kind == "NEW" and not c.inside]:
         neither = "neither in the model nor in the reference" if result.reference else "not in the model"
         lines.append(f"Groups of voxels that are {neither}: {len(new)}; the largest holds {new[0].voxels:,}.")
@@ -129,6 +137,7 @@ COMMAND = Command(
             "--registration-sigma-mm",
             "standard deviation of a station's position, millimetres (default: from the stations' agreement)", float,
         ),
+        replace(ALIGN, help=f"{ALIGN.help}; every epoch, and the reference, for itself"),
         Argument("--frame", "frame the scans are in", str, DEFAULT.scan_frame, ("auto", "model", "map")),
         ORIGIN,
         *COMMON,

@@ -9,24 +9,12 @@ from typing import Any
 
 from ..errors import BimVerifyError
 from ..files import check_writable, same_file
+from ..scans.origins import Origin, parse_numbers, parse_origins
 
 
-def parse_origin(text: str | None) -> tuple[float, float, float] | None:
-    """``--origin X,Y,Z`` in metres."""
-    return parse_place("--origin", text)
-
-
-def parse_place(option: str, text: str | None) -> tuple[float, float, float] | None:
+def parse_place(option: str, text: str | None) -> Origin | None:
     """``X,Y,Z`` in metres, as ``option`` takes it."""
-    if not text:
-        return None
-    try:
-        x, y, z = (float(part) for part in text.split(","))
-    except ValueError as error:
-        raise BimVerifyError(f"{option} takes three numbers X,Y,Z in metres, not {text!r}.") from error
-    if not all(map(math.isfinite, (x, y, z))):
-        raise BimVerifyError(f"{option} takes three finite numbers X,Y,Z in metres, not {text!r}.")
-    return x, y, z
+    return parse_numbers(option, text) if text else None
 
 
 def larger_than_zero(values: dict[str, Any], *keys: str) -> None:
@@ -49,8 +37,8 @@ def input_options(values: dict[str, Any]) -> dict[str, Any]:
     threads = checked_threads(values)
     frame = {"scan_frame": values["frame"]} if "frame" in values else {}
     return {
-        **frame, "origin": parse_origin(values["origin"]), "threads": threads, "memory_gb": values["memory_gb"],
-        "cache": not values["no_cache"],
+        **frame, "origin": parse_origins("--origin", values["origin"] or ()), "threads": threads,
+        "memory_gb": values["memory_gb"], "cache": not values["no_cache"],
     }
 
 

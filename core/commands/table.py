@@ -24,7 +24,7 @@ class Argument:
     required: bool = False
     flag: bool = False
     repeat: bool = False
-    """With ``many``: may be given several times, each time with several values; its value is a list of lists."""
+    """May be given several times; its value is a list, with ``many`` a list of lists."""
 
     @property
     def key(self) -> str:
@@ -68,4 +68,11 @@ COMMON = (
 )
 MODEL = Argument("MODEL", "IFC file (IFC2X3, IFC4, IFC4X3)", required=True)
 SCANS = Argument("SCAN", "E57, LAS/LAZ, PLY, PCD, PTS, PTX, XYZ/CSV or NPY files", many=True, required=True)
-ORIGIN = Argument("--origin", "X,Y,Z of the scanner in metres, for scan files that do not name it")
+ALIGN = Argument(
+    "--align", "bring the scans to the model first: fine from a coarse pose, auto without one",
+    str, "none", ("none", "fine", "auto"),
+)
+ORIGIN = Argument(
+    "--origin", "X,Y,Z of the scanner in metres, for a scan file that does not name it; for several such files FILE=X,Y,Z, "
+    "given again for each", repeat=True,
+)

@@ -13,7 +13,7 @@ from ..sensing.presets import PRESETS
 from . import exports
 from .checks import check_outputs, check_report, input_options, larger_than_zero, zero_or_more
 from .earlier import earlier_decisions, still_there
-from .table import COMMON, MODEL, ORIGIN, SCANS, Argument, Command, Outcome, Values
+from .table import ALIGN, COMMON, MODEL, ORIGIN, SCANS, Argument, Command, Outcome, Values
 
 DEFAULT = VerifyOptions()
 
@@ -114,10 +114,7 @@ COMMAND = Command(
             "standard deviation of a station's position, millimetres (default: from the stations' agreement)",
             float,
         ),
-        Argument(
-            "--align", "bring the scans to the model first: fine from a coarse pose, auto without one",
-            str, DEFAULT.align, ("none", "fine", "auto"),
-        ),
+        ALIGN,
         Argument("--spacing-mm", "distance between query positions, millimetres", float, 20.0),
         Argument(
             "--fusion", "rule that combines the returns", str, DEFAULT.fusion,

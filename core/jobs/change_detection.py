@@ -14,15 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import __version__
+from ..alignment.align import align
+from ..alignment.transform import TransformedSource
 from ..change.amounts import Absent, Amount, amounts
 from ..change.closing import close_gone
 from ..change.clusters import find_clusters
+from ..change.common_shift import common_shift
 from ..change.decide import element_state, ratios, undecided
 from ..change.holders import divided
-from ..change.look import EpochSight, look_at_elements, sensor_model
+from ..change.look import LOA, EpochSight, change_tolerance, look_at_elements, sensor_model
+from ..change.misplaced import found_ratio, misplaced, place_open, strange
 from ..change.planned import Planned, parse_date, read_planned, reversed_tasks
 from ..change.progress import expected_state, group_progress, judge, standing_ratio
-from ..change.results import ChangeResult, ElementChange, EpochRecord, VoxelCounts
+from ..change.results import ChangeResult, CommonShift, ElementChange, EpochRecord, VoxelCounts
 from ..change.solids import SolidVoxels, fitting_edge, voxelise
 from ..change.voxels import Universe, compare, count_states, held_voxels, universe, voxel_cloud
 from ..errors import BimVerifyError
@@ -33,15 +37,17 @@ from ..model.load import open_ifc
 from ..model.parts import Parts, read_parts
 from ..model.raycast import RayScene
 from ..model.sample_surface import sample_surface
+from ..model.samples import SurfaceSamples
 from ..occupancy.epoch import UNSEEN, Observation, observe, occupied_voxels
 from ..occupancy.grid import VoxelGrid
 from ..occupancy.votes import Occupied
 from ..options import ChangeOptions
 from ..progress import Progress
+from ..results import AlignmentRecord
 from ..scans.campaign import ScanSource
 from ..scans.store import ReturnStore
 from ..sensing.loa import label, supported_level, worst_voxel_shift
-from .inputs import Stopwatch, limited_threads, open_model, open_with_blocks
+from .inputs import Stopwatch, check_one_origin, limited_threads, open_model, open_with_blocks, opened
 
 Scans = ScanSource | Sequence[str | Path]
 MODEL = "model"
@@ -82,14 +88,19 @@ def change(
         plans, parts, wrong_tasks = _stated(model)
         watch.lap("query positions")
         campaigns = [*([reference] if reference is not None else []), *epochs]
+        sources = [opened(scans, options) for scans in campaigns]
+        check_one_origin(sources, options)
         names = [*(["reference"] if reference is not None else []), *_names(len(epochs))]
         views = []
-        for n, (name, scans) in enumerate(zip(names, campaigns, strict=True)):
+        for n, (name, scans) in enumerate(zip(names, sources, strict=True)):
             part = progress.part(0.15 + 0.6 * n / len(campaigns), 0.15 + 0.6 * (n + 1) / len(campaigns))
             source, blocks = open_with_blocks(model, scans, options)
-            place = place_sigma(blocks)
+            record = _aligned(model, samples, source, options, name, part.part(0.0, 0.15))
+            if options.align != "none":
+                source = TransformedSource(source, record.transform)
+            place = place_sigma(blocks) if options.align == "none" else 0.0
             store = stack.enter_context(
-                ReturnStore(source, options.memory_gb * 0.5 / len(campaigns), part.part(0.0, 0.3))
+                ReturnStore(source, options.memory_gb * 0.5 / len(campaigns), part.part(0.15, 0.3))
             )
             if not any(store.count(s) for s in range(len(store.stations))):
                 raise BimVerifyError(
@@ -100,13 +111,13 @@ def change(
             sight = look_at_elements(
                 model, samples, scene, stations, sigma=options.sigma, edge=edge,
                 registration_sigma=options.registration_sigma, progress=part.part(0.3, 0.9), parts=parts,
-                place=place,
+                place=place, aligned_sigma=record.axis_sigma,
             )
             occupied = occupied_voxels(
                 stations, grid, options.min_points, sensor_model(options.sigma), part.part(0.9, 1.0),
                 model.bounds + np.array([[-BESIDE_M], [BESIDE_M]]),
             )
-            views.append(_View(name, source, store, stations, sight, occupied, place))
+            views.append(_View(name, source, store, stations, sight, occupied, place, record))
         watch.lap("looking at elements")
         world = universe(solids, [v.occupied for v in views])
         seen = [
@@ -135,10 +146,21 @@ class _View:
     occupied: Occupied
     place: float
     """See ``photo_campaign.place_sigma``."""
+    alignment: AlignmentRecord
 
     @property
     def date(self) -> str:
         return max((s.acquired for s in self.source.stations), default="")
+
+
+def _aligned(
+    model: BuildingModel, samples: SurfaceSamples, source: ScanSource, options: ChangeOptions, name: str, progress: Progress
+) -> AlignmentRecord:
+    """The pose of one epoch. Raises BimVerifyError, with its name, when the geometry does not fix it."""
+    try:
+        return align(model, samples, source, options.align, sigma=options.sigma, loa=LOA, progress=progress)
+    except BimVerifyError as error:
+        raise BimVerifyError(f"The {name} cannot be aligned. {error}") from error
 
 
 def _names(count: int) -> list[str]:
@@ -160,6 +182,7 @@ def _compare(
     for epoch in seen:
         anything |= epoch.state != UNSEEN
     first: Absent | None = None
+    between = common_shift(now.sight.fits.since(before.sight.fits)) if before else None
     alone, with_model, series = [], [], []
     for n, (view, epoch, its_day) in enumerate(zip(views, seen, days, strict=True)):
         of_view = state if n == last and before is None else _states(world, views, seen, n, None)
@@ -176,7 +199,10 @@ def _compare(
         both = amounts(world, gone, first, seen[-1], len(model.elements))
         elements = tuple(
             replace(e, expected=p.expected, agrees=p.agrees, progress=p.progress, standing_ratio=p.standing_ratio)
-            for e, p in zip(_elements(model, solids, both, now.sight, before.sight, plans, day), planned_now, strict=True)
+            for e, p in zip(
+                _elements(model, solids, both, now.sight, before.sight, plans, day, _tolerance(between, edge, options)),
+                planned_now, strict=True,
+            )
         )
     remaining = tuple(
         n for n, e in enumerate(planned_now) if e.state == "PARTIAL" and not e.moved and e.disappeared_ratio > 0
@@ -204,8 +230,8 @@ def _compare(
         voxel_counts=_voxel_counts(world, views, seen, state, anything | gone.cells, with_model, has_reference),
         anchor=(float(anchor[0]), float(anchor[1]), float(anchor[2])),
         remaining=remaining, surfaces=held_voxels(world, [n for n in remaining if solids.by_surface[n]]),
-        method=f"bim_verify {__version__} occupancy", timings=watch.seconds,
-        warnings=tuple(_warnings(model, edge, options, views, has_reference, undated, left_out)),
+        method=f"bim_verify {__version__} occupancy", offset_from_reference=between, timings=watch.seconds,
+        warnings=tuple(_warnings(model, edge, options, views, has_reference, undated, left_out, between)),
     )
 
 
@@ -243,9 +269,10 @@ def _voxel_counts(
 
 def _elements(
     model: BuildingModel, solids: SolidVoxels, found: Sequence[Amount | None], now: EpochSight, before: EpochSight | None,
-    plans: tuple[Planned, ...], day: date | None,
+    plans: tuple[Planned, ...], day: date | None, least_tolerance: float = 0.0,
 ) -> tuple[ElementChange, ...]:
-    tolerance = max(now.tolerance, before.tolerance) if before else now.tolerance
+    """``least_tolerance`` [m] within which two places are the same, as far as the two epochs tell together."""
+    tolerance = max(now.tolerance, before.tolerance, least_tolerance) if before else now.tolerance
     place_open = now.place_open or (before is not None and before.place_open)
     changes = []
     for row, element in enumerate(model.elements):
@@ -267,6 +294,12 @@ def _elements(
             moved=mine.seen == "MOVED" and not in_doubt, standing_ratio=standing_ratio(mine, what, shares),
         ))
     return tuple(changes)
+
+
+def _tolerance(between: CommonShift | None, edge: float, options: ChangeOptions) -> float:
+    """Metres within which two epochs do not tell two places apart that all elements are off by together."""
+    known = options.registration_sigma is not None or between is None or not between.significant
+    return 0.0 if known or between is None else change_tolerance(edge, options.sigma, between.axis_sigma)
 
 
 def _shift(now: Any, before: Any) -> float | None:
@@ -294,14 +327,20 @@ def _record(model: BuildingModel, view: _View) -> EpochRecord:
     return EpochRecord(
         view.name, view.source.paths, view.date, len(view.source.stations),
         sum(view.store.count(s) for s in range(len(view.store.stations))), view.occupied.count, view.occupied.sparse,
-        view.sight.registration_sigma, (),
+        view.sight.registration_sigma, (), view.sight.offset, found_ratio(view.sight), view.alignment,
     )
 
 
 def _warnings(
     model: BuildingModel, edge: float, options: ChangeOptions, views: list[_View], has_reference: bool, undated: bool,
-    left_out: int,
+    left_out: int, between: CommonShift | None,
 ) -> Iterator[str]:
+    off = [list(misplaced(view.name, MODEL, view.sight.offset, edge, options)) for view in views]
+    for view, said in zip(views, off, strict=True):
+        yield from said or strange(view.name, view.sight)
+    if not any(off):
+        yield from misplaced(views[-1].name, views[0].name, between, edge, options)
+    yield from place_open([v.name for v in views if v.sight.place_open])
     if edge > options.voxel:
         yield (
             f"Voxels of {1000 * edge:g} mm are used instead of {1000 * options.voxel:g} mm, so that the model fits into "
@@ -316,12 +355,6 @@ def _warnings(
         )
     if (place := max(view.place for view in views)) > 0.0:
         yield f"{adjusted_freely(place, options.registration_sigma)}, or state --registration-sigma-mm."
-        if any(view.sight.place_open for view in views):
-            names = ", ".join(view.name for view in views if view.sight.place_open)
-            yield (
-                f"The place of a block of photos is known too badly for that ({names}): no element is called new, moved or "
-                "gone, and no voxel or group new or gone."
-            )
     for view in views:
         share = view.occupied.sparse / max(view.occupied.count, 1)
         if share > 0.01:

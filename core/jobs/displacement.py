@@ -14,7 +14,6 @@ from ..model.elements import BuildingModel
 from ..options import InputOptions
 from ..progress import Progress
 from ..scans.campaign import ScanSource
-from ..scans.open import open_scans
 from ..wall_displacement.bands import returns_near_joints
 from ..wall_displacement.compare import LEAST_POINTS, Draft, compare_column, find_joints
 from ..wall_displacement.epoch import Epoch, read_epoch, spread_rows
@@ -24,7 +23,7 @@ from ..wall_displacement.panels import column_bounds, split
 from ..wall_displacement.psets import check_is_element, element_box
 from ..wall_displacement.result import Column, DisplacementResult
 from ..wall_displacement.wall import find_wall, on_wall, spacing_on
-from .inputs import Stopwatch, limited_threads, open_model
+from .inputs import Stopwatch, check_one_origin, limited_threads, open_model, opened
 
 Array = NDArray[np.float64]
 ENOUGH_TO_FIND = 500_000
@@ -67,7 +66,8 @@ def displacement(
             if options.near is None:
                 x, y, z = (float(v) for v in box.mean(axis=0))
                 options = replace(options, near=(x, y, z))
-        sources = [open_scans(s, origin=options.origin) if isinstance(s, Sequence) else s for s in (base, later)]
+        sources = [opened(s, options) for s in (base, later)]
+        check_one_origin(sources, options)
         origin: Array = np.round(sources[0].stations[0].position).astype(np.float64)
         epochs = [
             read_epoch(s, origin, options.memory_gb, progress.part(0.25 * k, 0.25 * (k + 1))) for k, s in enumerate(sources)

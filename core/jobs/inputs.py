@@ -17,6 +17,7 @@ from ..progress import Progress
 from ..scans.campaign import ScanSource
 from ..scans.frame import to_model_frame
 from ..scans.open import Campaign, open_scans
+from ..scans.origins import refuse_one_for_several
 from ..scans.stated_origin import impossible_stations
 
 
@@ -41,12 +42,16 @@ def open_with_blocks(
     model: BuildingModel, scans: ScanSource | Sequence[str | Path], options: InputOptions
 ) -> tuple[ScanSource, tuple[BlockPoints, ...]]:
     """The same, and the blocks of photos among the scans, as their files have them."""
-    source = open_scans(scans, origin=options.origin) if isinstance(scans, Sequence) else scans
+    source = opened(scans, options)
     check_stations(source)
-    if options.origin is None:
-        check_stated_origins(source)
+    check_origins(source)
     blocks = source.photo_blocks if isinstance(source, Campaign) else ()
     return to_model_frame(model, source, options.scan_frame), blocks
+
+
+def opened(scans: ScanSource | Sequence[str | Path], options: InputOptions) -> ScanSource:
+    """The scans as their files have them."""
+    return open_scans(scans, origin=options.origin) if isinstance(scans, Sequence) else scans
 
 
 @dataclass
@@ -83,17 +88,33 @@ def check_stations(source: ScanSource) -> None:
         files = ", ".join(Path(p).name for p in source.paths)
         raise BimVerifyError(
             f"{files} names no scanner position ({len(unknown)} of {len(source.stations)} stations), and without one "
-            "nothing can be told from what a ray passed; give --origin X,Y,Z in metres, in the scan's own frame."
+            "nothing can be told from what a ray passed; give --origin X,Y,Z in metres, in the scan's own frame "
+            "(FILE=X,Y,Z for each of several files)."
         )
 
 
-def check_stated_origins(source: ScanSource) -> None:
-    """Raise BimVerifyError when a station is said to be at 0, 0, 0 and cannot have been there: a merged cloud."""
-    impossible = impossible_stations(source)
-    if impossible:
-        names = ", ".join(source.stations[index].name for index in impossible)
+def check_one_origin(sources: Sequence[ScanSource], options: InputOptions) -> None:
+    """Raise BimVerifyError when one scanner position was given for files of several campaigns."""
+    placed = [path for source in sources if isinstance(source, Campaign) for path in source.placed_paths]
+    refuse_one_for_several(options.origin, placed)
+
+
+def check_origins(source: ScanSource) -> None:
+    """Raise BimVerifyError when a station cannot have been where its file or ``--origin`` says."""
+    given = source.placed if isinstance(source, Campaign) else ()
+    impossible = impossible_stations(source, given)
+    if not impossible:
+        return
+    share, files = max(impossible.values()), ", ".join(Path(p).name for p in source.paths)
+    if told := [index for index in impossible if index in given]:
+        place = ", ".join(f"{value:g}" for value in source.stations[told[0]].position)
         raise BimVerifyError(
-            f"{', '.join(Path(p).name for p in source.paths)} says that the scanner of {names} stood at 0, 0, 0, but from "
-            f"there {max(impossible.values()):.0%} of the returns would be hidden by others: it is a merged cloud, or in "
-            "another frame; export the scans one by one with their poses, or give the true position by --origin X,Y,Z."
+            f"The scanner of {files} cannot have stood at {place}, as --origin says: from there {share:.0%} of the returns "
+            "would be hidden by others; give its true position, or, of a merged cloud, the scans one by one with their poses."
         )
+    names = ", ".join(source.stations[index].name for index in impossible)
+    raise BimVerifyError(
+        f"{files} says that the scanner of {names} stood at 0, 0, 0, but from "
+        f"there {share:.0%} of the returns would be hidden by others: it is a merged cloud, or in "
+        "another frame; export the scans one by one with their poses, or give the true position by --origin X,Y,Z."
+    )

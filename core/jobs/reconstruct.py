@@ -11,7 +11,7 @@ from ..progress import Progress
 from ..reconstruction.building import Reconstruction
 from ..scans.campaign import ScanSource
 from ..scans.open import Campaign, open_scans
-from .inputs import Stopwatch, check_stated_origins, check_stations, limited_threads
+from .inputs import Stopwatch, check_origins, check_stations, limited_threads
 
 
 def reconstruct(
@@ -28,8 +28,7 @@ def reconstruct(
         watch = Stopwatch()
         source = open_scans(scans, origin=options.origin) if isinstance(scans, Sequence) else scans
         check_stations(source)
-        if options.origin is None:
-            check_stated_origins(source)
+        check_origins(source)
         result = run(source, options.sigma, options.memory_gb, progress or Progress(), options.registration_sigma)
         if isinstance(source, Campaign) and (scale := scale_sigma(source.photo_blocks)):
             result.warnings.append(_not_to_scale(scale))

@@ -31,6 +31,7 @@ from ..model.elements import BuildingModel
 from ..model.on_element import ElementSurfaces
 from ..model.raycast import RayScene
 from ..model.sample_surface import MOST, sample_surface
+from ..model.samples import SurfaceSamples
 from ..options import VerifyOptions
 from ..progress import Progress
 from ..results import AlignmentRecord, ElementPhotos, ElementVerdict, StationRecord, VerificationResult
@@ -81,7 +82,7 @@ def align_scans(
         source = open_campaign(model, scans, options)
         progress.update(0.2, "Spreading query positions over the model")
         samples = sample_surface(model, options.sample_spacing)
-        return align(model, samples, source, options, progress.part(0.3, 1.0))
+        return _align(model, samples, source, options, progress.part(0.3, 1.0))
 
 
 def _verify(
@@ -92,7 +93,7 @@ def _verify(
     scene = RayScene(model)
     samples = sample_surface(model, options.sample_spacing, scene=scene, cache=options.cache)
     watch.lap("query positions")
-    record = align(model, samples, source, options, progress.part(0.05, 0.2))
+    record = _align(model, samples, source, options, progress.part(0.05, 0.2))
     if options.align != "none":
         source = TransformedSource(source, record.transform)
         watch.lap("alignment")
@@ -140,6 +141,14 @@ def _verify(
         return replace(result, verdicts=verdicts, photos=photos)
 
 
+def _align(
+    model: BuildingModel, samples: SurfaceSamples, source: ScanSource, options: VerifyOptions, progress: Progress
+) -> AlignmentRecord:
+    return align(
+        model, samples, source, options.align, sigma=options.sigma, loa=options.loa, seed=options.seed, progress=progress
+    )
+
+
 def _sensor(options: VerifyOptions) -> SensorModel:
     if options.preset != "derived" and options.preset not in PRESETS:
         raise BimVerifyError(f"There is no preset {options.preset!r}; choose derived, {', '.join(sorted(PRESETS))}.")
@@ -161,7 +170,7 @@ def _context(
     if photo is not None and options.registration_sigma is None:
         registration = max(registration, shared_sigma(blocks))
     if record.covariance is not None:
-        registration = float(np.hypot(registration, np.sqrt(np.trace(record.covariance[3:, 3:]) / 3.0)))
+        registration = float(np.hypot(registration, record.axis_sigma))
     elif options.registration_sigma is None:
         registration = max(registration, place_sigma(blocks))
     return Context(

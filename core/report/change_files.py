@@ -41,6 +41,7 @@ def change_to_json(result: ChangeResult) -> dict[str, Any]:
         ],
         "epochs": result.epochs,
         "reference": result.reference,
+        "offset_from_reference": result.offset_from_reference,
         "voxel_counts": result.voxel_counts,
         "clusters": result.clusters,
         "progress": result.groups,

@@ -42,7 +42,7 @@ def render_change_page(result: ChangeResult) -> str:
     style = _colors() + source("page.css", "change.css")
     environment = templates()
     environment.filters |= {"pct": format_percent, "number": format_number}
-    series = [*([result.reference] if result.reference else []), *result.epochs]
+    series = list(result.series)
     rows = sorted(
         zip(result.elements, result.planned, strict=True), key=lambda p: (ORDER.index(p[0].state), -p[0].volume)
     )
@@ -56,6 +56,7 @@ def render_change_page(result: ChangeResult) -> str:
         ],
         signs=SIGNS,
         headline=headline(result),
+        places=result.places(),
         files={
             "model": Path(result.model.path).name,
             "epoch": ", ".join(dict.fromkeys(Path(p).name for p in result.epoch.paths)),

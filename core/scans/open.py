@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,8 +13,9 @@ import numpy as np
 from ..errors import BimVerifyError
 from .campaign import DropCount, ReturnBlock, Station
 from .e57_pages import SIGNATURE
+from .origins import Origins, origin_of, refuse_one_for_several
 from .read_ahead import read_ahead
-from .scan_file import Origin, ScanFile
+from .scan_file import ScanFile
 from .stated_origin import impossible_stations, is_identity
 
 if TYPE_CHECKING:
@@ -30,27 +31,30 @@ _SAME_PLACE_M = 1e-6
 _SAME_TURN = 1e-9
 
 
-def open_scans(paths: Sequence[str | Path], *, origin: Origin | None = None) -> Campaign:
+def open_scans(paths: Sequence[str | Path], *, origin: Origins = None) -> Campaign:
     """Open scan files as one campaign; stations keep the order of the files.
 
-    origin : scanner position, metres, scan frame, for files that do not name one, or that state an identity pose which
-        cannot be true (see ``stated_origin``). Without it stations that no file names are not ``known`` and their
-        position is a place-holder near the data.
+    origin : scanner position, metres, scan frame, for a file that does not name one, or that states an identity pose which
+        cannot be true (see ``stated_origin``); for several such files, one for each by its path or name. Without it stations
+        that no file names are not ``known`` and their position is a place-holder near the data.
 
     Scans with the same known pose are one station: a scan split in two files gives the same campaign as the whole one.
-    Raises BimVerifyError when a file is missing, of no known format, damaged or empty.
+    Raises BimVerifyError when a file is missing, of no known format, damaged or empty, or when one position is given for
+    several files.
     """
     if not paths:
         raise BimVerifyError("No scan file was given. Name at least one.")
-    if origin is not None and not all(math.isfinite(value) for value in origin):
+    given = origin.values() if isinstance(origin, Mapping) else (origin,)
+    if not all(math.isfinite(value) for one in given if one is not None for value in one):
         raise BimVerifyError("The scanner origin must be three finite numbers in metres.")
-    files = [open_scan_file(path, origin=origin) for path in paths]
-    return Campaign(files)
+    campaign = Campaign([open_scan_file(path, origin=origin) for path in paths])
+    refuse_one_for_several(origin, campaign.placed_paths)
+    return campaign
 
 
-def open_scan_file(path: str | Path, *, origin: Origin | None = None) -> ScanFile:
+def open_scan_file(path: str | Path, *, origin: Origins = None) -> ScanFile:
     """Open one file with its stations as they are in it. The format follows from the content, then from the suffix."""
-    place = Path(path)
+    place, own_origin = Path(path), origin_of(path, origin)
     try:
         if place.is_dir():
             if not any((place / f"images{suffix}").exists() for suffix in (".bin", ".txt")):
@@ -65,9 +69,9 @@ def open_scan_file(path: str | Path, *, origin: Origin | None = None) -> ScanFil
             from .mobile import MobileFile
 
             return MobileFile(found)
-        found.place_unknown(origin)
-        if origin is not None and any(is_identity(station) for station in found.stations):
-            found.replace_stations(impossible_stations(found), origin)
+        found.place_unknown(own_origin)
+        if own_origin is not None and any(is_identity(station) for station in found.stations):
+            found.replace_stations(impossible_stations(found), own_origin)
     except OSError as error:
         raise BimVerifyError(
             f"Cannot read {place}: {error.strerror or error}. Check the name and the permissions."
@@ -184,6 +188,16 @@ class Campaign:
     def photo_blocks(self) -> tuple[BlockPoints, ...]:
         """The blocks of photos among the files."""
         return tuple(file.block for file in self._files if file.block is not None)
+
+    @property
+    def placed(self) -> tuple[int, ...]:
+        """Stations of which the user said where they were."""
+        return tuple(index[k] for file, index in zip(self._files, self._index, strict=True) for k in file.placed)
+
+    @property
+    def placed_paths(self) -> tuple[str, ...]:
+        """The files of these."""
+        return tuple(path for file in self._files if file.placed for path in file.paths)
 
     @property
     def paths(self) -> tuple[str, ...]:

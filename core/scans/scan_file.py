@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import BimVerifyError
 from .campaign import DropCount, ReturnBlock, Station
+from .origins import Origin
 
 if TYPE_CHECKING:
     from ..imagery.block_points import BlockPoints
@@ -25,8 +26,6 @@ SAME_PLACE_M = 1e-6
 FARTHEST_M = 1e9
 FAR_M = 1000.0
 """Clouds without a scanner position whose coordinates are larger get a local origin, so that offsets stay small."""
-
-Origin = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -124,6 +123,8 @@ class ScanFile(ABC):
     """The block of photos that the file holds."""
     has_origins: bool = False
     """Every point comes with the place that it was measured from (``Columns.origin``)."""
+    placed: tuple[int, ...] = ()
+    """Stations of which the user said where they were."""
 
     def __init__(self, path: Path, setups: Sequence[Setup], points: Sequence[int]) -> None:
         self.path = path
@@ -228,6 +229,7 @@ class ScanFile(ABC):
                 setups.append(setup)
                 continue
             if origin is not None:
+                self.placed += (index,)
                 placed = replace(setup.station, position=np.array(origin, np.float64), known=True)
             else:
                 first = self.first_point(index) if self.points_per_station[index] else None
@@ -238,6 +240,7 @@ class ScanFile(ABC):
 
     def replace_stations(self, stations: Collection[int], origin: Origin) -> None:
         """Put stations whose identity pose was found to be false at ``origin``; their points are in the scan frame."""
+        self.placed += tuple(stations)
         self.setups = tuple(
             scan_frame_setup(replace(setup.station, position=np.array(origin, np.float64))) if index in stations else setup
             for index, setup in enumerate(self.setups)

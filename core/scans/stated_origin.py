@@ -7,7 +7,7 @@ but for edges and foliage. Seen from a place where no scanner stood, walls stand
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 import numpy as np
 from numba import njit
@@ -30,12 +30,13 @@ def is_identity(station: Station) -> bool:
     return station.known and not station.position.any() and bool((station.rotation == np.eye(3)).all())
 
 
-def impossible_stations(source: ScanSource) -> dict[int, float]:
-    """Stations at 0, 0, 0 from which nobody can have seen their returns, and the share that others would have hidden.
+def impossible_stations(source: ScanSource, also: Collection[int] = ()) -> dict[int, float]:
+    """Stations at 0, 0, 0, and those of the numbers ``also``, from which nobody can have seen their returns, and the share that
+    others would have hidden.
 
-    Reads the source twice, but only when it has a station with an identity pose.
+    Reads the source twice, but only when it has a station with an identity pose, or there are others to ask.
     """
-    doubted = {index for index, station in enumerate(source.stations) if is_identity(station)}
+    doubted = {index for index, station in enumerate(source.stations) if is_identity(station)} | set(also)
     if not doubted:
         return {}
     nearest = {index: np.full(_ROWS * _COLUMNS, np.inf) for index in doubted}

@@ -14,7 +14,7 @@ import ifcopenshell  # noqa: E402
 import ifcopenshell.util.element  # noqa: E402
 import numpy as np  # noqa: E402
 
-from bim_verify.bim_verify_addon import change_scene, scene, voxel_scene  # noqa: E402
+from bim_verify.bim_verify_addon import change_scene, project, scene, voxel_scene  # noqa: E402
 from bim_verify.bim_verify_addon.capabilities.change import CAPABILITY  # noqa: E402
 from bim_verify.bim_verify_addon.headless import save_blend  # noqa: E402
 from bim_verify.core import jobs  # noqa: E402
@@ -200,6 +200,36 @@ def test_the_operator_hands_over_all_that_the_command_has(
     assert bpy.ops.bim_verify.change() == {"FINISHED"}
     _, reference, options = asked[-1]
     assert reference is None and (options.loa, options.date, options.registration_sigma) == (None, "", None)
+
+
+def test_what_align_found_holds_for_changes_too(
+    blender: bpy.types.Scene, house: Path, changed: ChangeResult, asked: list[tuple[Any, Any, ChangeOptions]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _add_scans(blender, house, ("/a.e57", "/b.e57"))
+    blender.bim_verify_change.grouping = "EACH"
+    moved = []
+    monkeypatch.setattr(scene, "move_scans", lambda _, transform, paths: moved.append((transform, paths)))
+    assert bpy.ops.bim_verify.change() == {"FINISHED"} and asked[-1][2].align == "none" and not moved
+    blender.bim_verify.align = "fine"
+    frame = np.diag([1.0, 1.0, 1.0, 1.0])
+    frame[0, 3] = 5.0
+    monkeypatch.setattr(project, "placement", lambda *_: frame)
+    assert bpy.ops.bim_verify.change() == {"FINISHED"} and asked[-1][2].align == "fine"
+    assert [paths for _, paths in moved] == [["/a.e57"], ["/b.e57"]]
+    np.testing.assert_allclose(moved[0][0], frame)  # this comparison itself was not aligned
+    assert "from the model" in blender.bim_verify_change.summary
+
+
+def test_scans_of_one_epoch_move_alone(blender: bpy.types.Scene) -> None:
+    nothing = np.zeros((1, 3))
+    for path in ("/a.e57", "/b.e57"):
+        scene.show_scan(blender, path, path, nothing, np.zeros(1, np.int32), None)
+    there = np.eye(4)
+    there[:3, 3] = (1.0, 2.0, 3.0)
+    scene.move_scans(blender, there, ["/b.e57"])
+    place = {item[scene.SCAN_KEY]: tuple(item.matrix_world.translation) for item in scene.scan_objects(blender)}
+    assert place["/a.e57"] == pytest.approx((0.0, 0.0, 0.0)) and place["/b.e57"] == pytest.approx((1.0, 2.0, 3.0))
 
 
 def test_bad_settings_are_one_sentence(

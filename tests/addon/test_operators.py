@@ -11,7 +11,7 @@ import ifcopenshell.util.element
 import numpy as np
 import pytest
 
-from bim_verify.bim_verify_addon import scene
+from bim_verify.bim_verify_addon import project, scene
 from bim_verify.core.errors import BimVerifyError, Cancelled
 from bim_verify.core.model.elements import BuildingModel
 from bim_verify.core.report import palette
@@ -301,5 +301,18 @@ def test_polls_say_what_is_missing(blender: bpy.types.Scene, house: Path) -> Non
 
 def test_a_bad_scanner_position_is_explained(prepared: bpy.types.Scene) -> None:
     prepared.bim_verify.origin = "over there"
-    with pytest.raises(RuntimeError, match="is not X,Y,Z in metres"):
+    with pytest.raises(RuntimeError, match="takes three numbers X,Y,Z in metres"):
+        ops.verify()
+
+
+def test_each_of_several_clouds_has_its_own_scanner_position(prepared: bpy.types.Scene, tmp_path: Path) -> None:
+    for given in (None, (1.5, -2.0, 1.7), {"a.xyz": (1.0, 2.0, 3.0), "/b c.xyz": (4.0, 5.0, -6.0)}):
+        assert project.scanner_position(project.in_text(given)) == given
+    assert project.scanner_position("1;2;3") == (1.0, 2.0, 3.0)
+    clouds = [str(tmp_path / name) for name in ("a.xyz", "b.xyz")]
+    for path in clouds:
+        Path(path).write_text("1 2 3\n2 2 3\n3 2 3\n")
+        prepared.bim_verify.scans.add().path = path
+    prepared.bim_verify.origin = "0,0,1"
+    with pytest.raises(RuntimeError, match=r"a.xyz, b.xyz name no scanner position, and one was given for all of them"):
         ops.verify()

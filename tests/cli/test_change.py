@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -28,6 +29,7 @@ def test_change_writes_everything_that_was_asked_for(data: Path, place: Path) ->
     done = run(
         place, "change", data / "model.ifc", "--epoch", data / "scan.e57", "--reference", data / "scan.e57", "--out",
         "changed.ifc", "--voxel-mm", 50, "--voxels", "voxels.ply", "--report", "report", "--json", "change.json", "--quiet",
+        "--origin", "other.xyz=1,2,3",
     )
     assert done.returncode == 0, done.stderr
     assert (data / "model.ifc").read_bytes() == before
@@ -42,6 +44,19 @@ def test_change_writes_everything_that_was_asked_for(data: Path, place: Path) ->
         assert properties["State"] == change["state"] in ("CONFIRMED", "UNKNOWN")
         assert properties["VoxelSize"] == pytest.approx(50.0)  # the file is in millimetres
         assert properties["BuiltVolume"] == pytest.approx(change["built_volume"], abs=1e-6)  # and cubic metres
+
+
+def test_an_epoch_in_another_frame_is_brought_to_the_model(data: Path, place: Path) -> None:  # noqa: F811
+    model = load_model(data / "model.ifc", cache=False, threads=1)
+    off = dataclasses.replace(model, origin=model.origin + np.array([0.09, -0.07, 0.03]))
+    stands = (STAND, STAND + np.array([0.9, 0.5, 0.0]))
+    set_ups = tuple(set_up(f"S{k}", stand - model.origin, 1, k) for k, stand in enumerate(stands))
+    write_campaign(Campaign(off, SCANNER, set_ups, {}, (), 1), data / "near")
+    given = ("change", data / "model.ifc", "--epoch", data / "near" / "scan.e57", "--voxel-mm", 50, "--quiet", "--out", "c.ifc")
+    aligned = run(place, *given, "--align", "fine", "--json", "c.json")
+    assert aligned.returncode == 0 and "Alignment of the epoch (fine)" in aligned.stdout, aligned.stderr
+    record = json.loads((place / "c.json").read_text())["epochs"][0]["alignment"]
+    assert [row[3] for row in record["transform"][:3]] == pytest.approx([-0.09, 0.07, -0.03], abs=0.005)
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +110,7 @@ def test_what_is_left_of_a_demolished_wall_is_written(data: Path, half_south: Pa
         (("--epoch", "{scan}", "--min-points", "0"), ("--min-points",)),
         (("--epoch", "{scan}", "--date", "yesterday"), ("--date",)),
         (("--epoch", "{scan}", "--voxels", "{scan}"), ("never written",)),
+        (("--epoch", "{scan}", "--origin", "1,2,3", "--origin", "4,5,6"), ("--origin", "FILE=X,Y,Z")),
     ],
 )
 def test_bad_input_is_said_in_one_sentence(

@@ -35,7 +35,7 @@ def test_zero_and_nothing_given_pass_where_they_may() -> None:
 
 
 def test_common_options_are_checked_for_every_command() -> None:
-    values = {"origin": "1,2,3", "threads": 0, "memory_gb": 2.0, "no_cache": True}
+    values = {"origin": ["1,2,3"], "threads": 0, "memory_gb": 2.0, "no_cache": True}
     assert input_options(values) == {"origin": (1.0, 2.0, 3.0), "threads": 0, "memory_gb": 2.0, "cache": False}
     with pytest.raises(BimVerifyError, match="--threads"):
         input_options(values | {"threads": -1})

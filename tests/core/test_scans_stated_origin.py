@@ -68,12 +68,18 @@ def test_a_job_refuses_it_and_takes_the_true_position(tmp_path: Path) -> None:
     path = write(tmp_path / "a.e57", MERGED)
     with pytest.raises(BimVerifyError, match=r"stood at 0, 0, 0.*--origin"):
         open_campaign(model, [path], InputOptions())
+    with pytest.raises(BimVerifyError, match=r"cannot have stood at 1.2, -0.4, 0.1, as --origin says"):
+        open_campaign(model, [path], InputOptions(origin=(1.2, -0.4, 0.1)))
+    stand = np.array([0.5, 0.4, 0.3])
+    path = write(tmp_path / "b.e57", room(stand) + BESIDE)
+    with pytest.raises(BimVerifyError, match=r"stood at 0, 0, 0.*--origin"):
+        open_campaign(model, [path], InputOptions())
     with pytest.raises(BimVerifyError, match=r"stood at 0, 0, 0.*--origin"):
         reconstruct([path])
-    source = open_campaign(model, [path], InputOptions(origin=(1.2, -0.4, 0.1)))
-    assert source.stations[0].position.tolist() == [1.2, -0.4, 0.1]
+    source = open_campaign(model, [path], InputOptions(origin=(6.5, 0.4, 0.3)))
+    assert source.stations[0].position.tolist() == [6.5, 0.4, 0.3]
     returns = np.concatenate([block.offsets for block in source.blocks()]) + source.stations[0].position
-    np.testing.assert_allclose(returns, MERGED, atol=1e-12)
+    np.testing.assert_allclose(returns, room(stand) + BESIDE, atol=1e-12)
 
 
 def test_an_origin_does_not_move_a_true_pose(tmp_path: Path) -> None:
