@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from shapely import MultiPolygon, Polygon, union_all
+from shapely import MultiPolygon, Polygon, set_precision, union_all
 
 from ..planes.cloud import Cloud
 from ..planes.surfels import Surfels
@@ -19,6 +19,9 @@ SLAB_M = 0.2
 SMALLEST_SLAB_M2 = 1.0
 THICKEST_SLAB_M = 1.2
 SAME_LEVEL_M = 0.05
+GAP_M = 0.05
+"""Shapes no farther apart than twice this are one slab."""
+GRID_M = 1e-6
 
 
 def storey_slabs(
@@ -95,9 +98,20 @@ def _past(storey: Storey, part: StoreyParts) -> list[tuple[int, float]]:
 
 def outlines(shapes: list[Polygon]) -> list[Polygon]:
     """Of a slab over ``shapes``, without holes."""
-    whole = union_all([s.buffer(0.05, join_style="mitre") for s in shapes]).buffer(-0.05, join_style="mitre")
+    whole = shrunk(union_all([s.buffer(GAP_M, join_style="mitre") for s in shapes]), GAP_M)
     outlines = list(whole.geoms) if isinstance(whole, MultiPolygon) else [whole]
     return [Polygon(p.exterior).simplify(0.002) for p in outlines if p.area > SMALLEST_SLAB_M2]
+
+
+def shrunk(whole: Polygon | MultiPolygon, by: float) -> Polygon | MultiPolygon:
+    """``whole`` without its border of width ``by`` [m].
+
+    With a few outlines the library gives nothing for mitred corners; on a grid, or without them, it does.
+    """
+    found = whole.buffer(-by, join_style="mitre")
+    if found.area < whole.area - 2.0 * by * whole.length:
+        found = set_precision(whole, GRID_M).buffer(-by, join_style="bevel")
+    return found
 
 
 def _level_fit(surfels: Surfels, level: float, side: float, source: str, pose_sigma: float) -> FitRecord:
