@@ -321,6 +321,19 @@ def _wall_returns(cloud: Cloud, work: _Work, band: float, noise: PointNoise) -> 
     return faces
 
 
+def _off_fits(line: WallLine, planes: list[Plane]) -> float:
+    """How far a wall's axis, which shares its line with others, is from the middle of its own fitted ``planes`` [m]: the root
+    mean square of both ends."""
+    ends = np.outer([line.u0, line.u1], line.along)
+    off = np.zeros(2)
+    for plane in planes:
+        side = float(np.sign(plane.normal[:2] @ line.normal))
+        written = line.near if side > 0 else line.near - line.thickness
+        places = np.column_stack([ends + written * line.normal, np.full(2, plane.centroid[2])])
+        off += side * plane.distance(places) / len(planes)
+    return float(np.sqrt((off**2).mean()))
+
+
 def _record(work: _Work, faces: list[FittedFace]) -> FitRecord:
     known = work.raster.state
     solid = float((known == 1).sum())
@@ -330,8 +343,8 @@ def _record(work: _Work, faces: list[FittedFace]) -> FitRecord:
         return FitRecord(None, None, quality, None, work.line.source)
     planes = [f.plane for f in faces]
     sigma = [p.position_sigma for p in planes]
-    extra = work.line.thickness_sigma / 2
-    position = float(np.hypot(np.sqrt(np.sum(np.square(sigma))) / len(sigma), extra))
+    fits = np.sqrt(np.sum(np.square(sigma))) / len(sigma)
+    position = float(np.sqrt(fits**2 + (work.line.thickness_sigma / 2) ** 2 + _off_fits(work.line, planes) ** 2))
     return FitRecord(
         float(np.mean([p.residual_mean for p in planes])), float(np.mean([p.residual_sigma for p in planes])), quality,
         position, work.line.source, sum(p.count for p in planes),
