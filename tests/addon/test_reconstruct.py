@@ -56,7 +56,7 @@ def test_what_was_made_becomes_the_model(
     assert walls
     assert walls <= set(scene.element_objects(blender))
     assert blender.bim_verify.model_path == str(tmp_path / "made.ifc")
-    assert "1 rooms" in blender.bim_verify_reconstruct.summary
+    assert "1 room, 1 wall" in blender.bim_verify_reconstruct.summary
 
 
 def test_it_may_only_be_written(
