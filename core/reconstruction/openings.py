@@ -52,6 +52,9 @@ LEAST_FRAMED = 0.5
 """Share of the wall around a hole that must be seen, where nothing came back from the hole itself."""
 DOOR_SILL_M = 0.15
 DOOR_HEIGHT_M = 1.6
+LEAF_M = (0.5, 2.2)
+"""Widths of doors, of one leaf or two."""
+LEAST_LINTEL_M = 0.1
 SAME_HOLE = 0.3
 """Of two openings that share this much of both sides of the smaller one, the larger one stays."""
 AROUND_M = 0.4
@@ -160,11 +163,19 @@ def find_openings(
             continue
         opening = replace(opening, lost=_lost_share(raster, sides, opening))
         back = solid_back(sides, (opening.u0, opening.u1, opening.z0, opening.z1), band)
-        if back is None:
+        if back is None or (back < SHALLOWEST_M and _closed(opening, raster)):
             out.append(replace(opening, kind=_kind(opening, lost)))
         elif back >= SHALLOWEST_M:
             out.append(replace(opening, kind="recess", recess=back, foot_hidden=False))
     return _apart(out)
+
+
+def _closed(opening: Opening, raster: FaceRaster) -> bool:
+    """Whether what lies a little deeper, from the floor up, has the size of a leaf and ends below the wall's top: it closes a
+    doorway."""
+    top = raster.z0 + raster.state.shape[1] * raster.cell
+    tall = opening.down and opening.height > DOOR_HEIGHT_M and opening.z1 < top - LEAST_LINTEL_M
+    return tall and LEAF_M[0] < opening.width < LEAF_M[1]
 
 
 def _kind(opening: Opening, lost: bool) -> Kind:

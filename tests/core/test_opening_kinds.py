@@ -71,6 +71,14 @@ def test_a_closed_leaf_that_both_sides_see_is_a_door() -> None:
     assert opening.kind == "door"
 
 
+def test_a_closed_leaf_that_one_side_sees_is_a_door() -> None:
+    """Set back by as little as a lining is thick, but of a leaf's size, and with wall over it."""
+    (opening,) = found(side(DOOR, 0.028))
+    assert opening.kind == "door" and opening.recess == 0.0
+    assert hint(side(DOOR, 0.028), [opening], BAND).leaf == pytest.approx(0.028, abs=0.002)
+    assert found(side((1.0, 3.5, 0.0, 2.1), 0.028)) == []
+
+
 def test_a_wall_goes_on_behind_its_recess_and_learns_no_thickness_from_it() -> None:
     (opening,) = found(side(HOLE, 0.4))
     told = hint(side(HOLE, 0.4), [opening], BAND)
