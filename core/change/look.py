@@ -190,7 +190,7 @@ def look_at_elements(
             beside = passed_beside(
                 scenery, told, found.samples, as_found, built, window, one_body, passed, progress.part(0.95, 1.0)
             )
-        clear = own_evidence(told.beside(beside), *asked)
+        clear = own_evidence(told.beside(beside), *asked) if len(beside) else own
         elements = decided_together(model, twins, [
             _sight(model, row, plan, best, float(exposed[row]), tolerance, context, own, clear,
                    shared.main_partner(row, known_gone), planned)

@@ -68,12 +68,12 @@ class StationIndexes:
         return self._store.count(station)
 
     def visit(
-        self, sensor: SensorModel, progress: Progress, reach: float = 0.0
+        self, sensor: SensorModel, progress: Progress, reach: float = 0.0, sines: NDArray[np.float64] | None = None
     ) -> Iterator[tuple[int, StationIndex, NDArray[np.float64] | None]]:
         """Yield (station, index, sector) for every tile; sector (2,) is the azimuth range it owns, None for all.
 
-        A tile has the returns around it that the sensor model asks for, and those within ``reach`` spacings by which the
-        whole station would be sorted.
+        A tile has the returns around it that the sensor model asks for, those within ``reach`` spacings by which the
+        whole station would be sorted, and those within the angle that ``sines`` (S,) has of its station.
         """
         total = max(sum(self._store.count(s) for s in range(len(self.position))), 1)
         done = 0
@@ -81,12 +81,31 @@ class StationIndexes:
             count = self._store.count(station)
             if count:
                 progress.update(done / total, f"Station {station + 1} of {len(self.position)}")
-                yield from self._tiles(station, sensor, reach)
+                yield from self._tiles(station, sensor, reach, 0.0 if sines is None else float(sines[station]))
             done += count
         progress.update(1.0, "All stations done")
 
+    def around(
+        self, station: NDArray[np.integer], place: NDArray[np.float64], sensor: SensorModel, progress: Progress, *,
+        spacings: float = 0.0, within: float = 0.0,
+    ) -> Iterator[tuple[NDArray[np.int64], int, NDArray[np.float64], StationIndex]]:
+        """Yield (rows, station, offset, index) for every tile: the rows of each ``place`` (K, 3) [m, local frame] that it owns,
+        of those asked of its ``station`` (K,), and where they lie from it.
+
+        All returns within so many ``spacings``, or ``within`` metres, of these places are in the index.
+        """
+        away = np.full(len(self.position), np.inf)
+        np.minimum.at(away, station, np.linalg.norm(place - np.array(self.position)[station], axis=1))
+        for number, index, sector in self.visit(sensor, progress, spacings, within / np.maximum(away, 1e-9)):
+            rows = np.flatnonzero(station == number)
+            offset = place[rows] - self.position[number]
+            if sector is not None:
+                own = in_sector(offset, *sector)
+                rows, offset = rows[own], offset[own]
+            yield rows, number, offset, index
+
     def _tiles(
-        self, station: int, sensor: SensorModel, reach: float
+        self, station: int, sensor: SensorModel, reach: float, sine: float
     ) -> Iterator[tuple[int, StationIndex, NDArray[np.float64] | None]]:
         if station in self._kept:
             yield station, self._kept[station], None
@@ -97,14 +116,14 @@ class StationIndexes:
         if station in self._sorted:
             yield station, replace(self._sorted[station], returns=self._store.whole(station)), None
             return
-        for tile in self._store.tiles(station, self._margin(station, sensor, reach)):
+        for tile in self._store.tiles(station, self._margin(station, sensor, reach, sine)):
             sector = np.array([tile.first, tile.last])
             whole = tile.last - tile.first >= 2 * np.pi
             yield station, build_index(tile.offsets, self.spacing[station], tile.photo), None if whole else sector
 
-    def _margin(self, station: int, sensor: SensorModel, reach: float) -> float:
+    def _margin(self, station: int, sensor: SensorModel, reach: float, sine: float) -> float:
         sorting = sorting_spacing(self.spacing[station], self._store.count(station))
-        widest = max(CUT * self.spacing[station], reach * sorting)
+        widest = max(CUT * self.spacing[station], reach * sorting, sine)
         if sensor.fixed is not None:
             widest = max(widest, CUT * math.sqrt(math.log(2.0) / sensor.fixed.kappa) / LEAST_RANGE_M)
         return 1.2 * math.asin(min(widest, 1.0))

@@ -16,13 +16,13 @@ from ..model.parts import Parts
 from ..model.raycast import RayScene
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
-from ..scans.store import in_sector
 from .as_found import AsFound
 from .own_evidence import TOLD_APART_SIGMAS
 from .scenery import Scenery
 from .shared_surface import on_others
 from .sightings import BEYOND, GRAZE, Sightings, hits_around
-from .station_index import azimuth_half_width, azimuth_range, column_runs, place, row_range
+from .station_index import azimuth_half_width, azimuth_range, column_runs, row_range
+from .station_index import place as place_of
 
 
 def passed_beside(
@@ -61,16 +61,12 @@ def _nearest(
     near = np.full((len(row), 3), np.nan)
     if not len(row):
         return near
-    stations = scenery.stations
-    for station, index, sector in stations.visit(scenery.sensor, progress):
-        mine = np.flatnonzero(seen.station[row] == station)
-        offset = samples.position[seen.sample[row[mine]]] - stations.position[station]
-        if sector is not None:
-            own = in_sector(offset, *sector)
-            mine, offset = mine[own], offset[own]
+    place = samples.position[seen.sample[row]]
+    around = scenery.stations.around(seen.station[row], place, scenery.sensor, progress, within=window)
+    for mine, station, offset, index in around:
         found = _nearest_return(offset, index.returns, index.bin_start, index.row_start, window)
         some = found >= 0
-        near[mine[some]] = index.returns[found[some]].astype(np.float64) + stations.position[station]
+        near[mine[some]] = index.returns[found[some]].astype(np.float64) + scenery.stations.position[station]
     return near
 
 
@@ -94,7 +90,7 @@ def _nearest_return(
             a, b, c, d = column_runs(begin, end, half, row, row_start, bin_start)
             for k in range(b - a + d - c):
                 j = a + k if k < b - a else c + k - (b - a)
-                x, y, z = place(returns, j)
+                x, y, z = place_of(returns, j)
                 dx, dy, dz = x - p[0], y - p[1], z - p[2]
                 away = dx * dx + dy * dy + dz * dz
                 if away < nearest:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from ..model.on_element import ElementSurfaces
 from ..model.samples import SurfaceSamples
 from ..progress import Progress
-from ..scans.store import in_sector
 from .collect import StationIndexes
 from .gather import SensorModel
 from .own_evidence import TOLD_APART_SIGMAS
@@ -45,19 +44,15 @@ def find_turned(
     if not len(row):
         return row
     normal = np.full((len(row), 3), np.nan)
-    for station, index, sector in stations.visit(sensor, Progress(), AROUND_SPACINGS):
-        mine = np.flatnonzero(seen.station[row] == station)
-        offset = seen.point[row[mine]].astype(np.float64) - stations.position[station]
-        if sector is not None:
-            own = in_sector(offset, *sector)
-            mine, offset = mine[own], offset[own]
+    point = seen.point[row].astype(np.float64)
+    for mine, _, offset, index in stations.around(seen.station[row], point, sensor, Progress(), spacings=AROUND_SPACINGS):
         normal[mine] = _normals(
             offset, index.returns, index.bin_start, index.row_start, AROUND_SPACINGS * index.spacing_rad,
             TOLD_APART_SIGMAS * sensor.sigma,
         )
     flat = np.isfinite(normal[:, 0])
     row, normal = row[flat], normal[flat]
-    near = surfaces.near(seen.point[row].astype(np.float64), normal, element[row].astype(np.int32), window)
+    near = surfaces.near(point[flat], normal, element[row].astype(np.int32), window)
     return row[~near]
 
 

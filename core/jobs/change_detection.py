@@ -298,8 +298,9 @@ def _elements(
 
 def _tolerance(between: CommonShift | None, edge: float, options: ChangeOptions) -> float:
     """Metres within which two epochs do not tell two places apart that all elements are off by together."""
-    known = options.registration_sigma is not None or between is None or not between.significant
-    return 0.0 if known or between is None else change_tolerance(edge, options.sigma, between.axis_sigma)
+    if options.registration_sigma is not None or between is None or not between.significant:
+        return 0.0
+    return change_tolerance(edge, options.sigma, between.axis_sigma)
 
 
 def _shift(now: Any, before: Any) -> float | None:

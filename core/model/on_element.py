@@ -40,6 +40,15 @@ def _on_triangle(
     return True
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _outside(x: float, y: float, z: float, box: NDArray[np.float64], around: float) -> bool:
+    """Whether a point lies farther than ``around`` [m] outside a box (6,)."""
+    return bool(
+        x < box[0] - around or y < box[1] - around or z < box[2] - around
+        or x > box[3] + around or y > box[4] + around or z > box[5] + around
+    )
+
+
 @njit(cache=True, nogil=True, parallel=True)
 def _on_element(
     point: NDArray[np.float64], normal: NDArray[np.float64], element: NDArray[np.int32], triangle: NDArray[np.int32],
@@ -59,10 +68,7 @@ def _on_element(
         e = element[i]
         best = start[e + 1]
         for b in range(first[e], first[e + 1]):
-            if (
-                x < box[b, 0] - around or y < box[b, 1] - around or z < box[b, 2] - around
-                or x > box[b, 3] + around or y > box[b, 4] + around or z > box[b, 5] + around
-            ):
+            if _outside(x, y, z, box[b], around):
                 continue
             begin = start[e] + (b - first[e]) * BLOCK
             for k in range(begin, min(begin + BLOCK, start[e + 1])):
@@ -109,10 +115,7 @@ def _near_element(
         nx, ny, nz = normal[i]
         e = element[i]
         for b in range(first[e], first[e + 1]):
-            if out[i] or (
-                x < box[b, 0] - around or y < box[b, 1] - around or z < box[b, 2] - around
-                or x > box[b, 3] + around or y > box[b, 4] + around or z > box[b, 5] + around
-            ):
+            if out[i] or _outside(x, y, z, box[b], around):
                 continue
             begin = start[e] + (b - first[e]) * BLOCK
             for k in range(begin, min(begin + BLOCK, start[e + 1])):

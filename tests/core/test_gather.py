@@ -22,6 +22,7 @@ from bim_verify.core.evidence.gather import (
     gather,
     mass_parameters,
 )
+from bim_verify.core.evidence.passed_beside import _nearest_return
 from bim_verify.core.evidence.sightings import Sightings
 from bim_verify.core.evidence.station_index import build_index, median_spacing, neighbour_angles, view_cone
 from bim_verify.core.model.on_element import ElementSurfaces
@@ -310,6 +311,28 @@ def test_tiles_and_spilling_to_disk_change_no_bit(
     assert tiles > 1 and fits == in_memory
     for name in vars(whole):
         np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name), err_msg=name)
+
+
+def nearest_with(campaign: tuple[ArraySource, Queries, ElementSurfaces], memory_gb: float) -> tuple[np.ndarray, int]:
+    """(K, 3) the nearest return of the first station within 0.3 m of each query position; and how many tiles it has."""
+    source, queries, _ = campaign
+    near = np.full((len(queries.position), 3), np.nan)
+    with ReturnStore(source, memory_gb) as store:
+        stations = StationIndexes(store, np.zeros(3))
+        asked = np.zeros(len(near), np.int16)
+        for rows, _, offset, index in stations.around(asked, queries.position, SENSOR, Progress(), within=0.3):
+            found = _nearest_return(offset, index.returns, index.bin_start, index.row_start, 0.3)
+            near[rows[found >= 0]] = index.returns[found[found >= 0]]
+        return near, sum(1 for _ in store.tiles(0, 0.1))
+
+
+def test_the_nearest_return_does_not_hang_on_tiles(campaign: tuple[ArraySource, Queries, ElementSurfaces]) -> None:
+    """0.3 m are a wider angle, close to the station, than any sensor model asks for."""
+    whole, tiles = nearest_with(campaign, 3.0)
+    assert tiles == 1 and np.isfinite(whole[:, 0]).sum() > 500
+    parts, tiles = nearest_with(campaign, 15 * campaign[0].point_count / 1e9)
+    assert tiles > 1
+    np.testing.assert_array_equal(parts, whole)
 
 
 def test_blocks_in_any_order_change_no_bit(campaign: tuple[ArraySource, Queries, ElementSurfaces]) -> None:
